@@ -200,7 +200,8 @@ def test_a_haul_rope_of_a_jig_back_is_pulled_over_the_ground_as_far_as_its_stren
     assert f"# kg, 86 kN a strand: {least}" in file.read_text(encoding="utf-8")
     imported(tmp_path, "--type=jig_back", "--no-rest", terrain=shipped, towers=towers)
     (line,) = [one for one in capsys.readouterr().err.splitlines() if "the former " not in one]
-    assert "given 91 kN a strand, the most with a safety factor of 4.5: the haul rope comes to -5.63 m" in line
+    assert "mass: given 17850 kg, 91 kN a strand, the most with a safety factor of 4.5: the haul rope comes to " in line
+    assert "comes to -5.63 m over the ground" in line
     assert line.endswith("allowed: at least 0 m, by a tower there, or a haul rope of 45 mm")
     free = ["--set=limits.rope_clearance=null", "--no-rest"]
     file, _ = imported(tmp_path, "--type=jig_back", *free, terrain=shipped, towers=towers)

@@ -193,8 +193,9 @@ def design_rope(model: LineModel, factor: float | None = None) -> Designed:
     millimetres, most = max(8, ceil(least)), ceil(1e3 * diameter * LARGEST)
     while millimetres <= most:
         other = model.with_rope(_scaled(model.rope, 1e-3 * millimetres / diameter))
+        pulled = other.tension() if model.mass_keys else tension
         try:
-            has = other.strength / other.highest_tension(tension)
+            has = other.strength / other.highest_tension(pulled)
         except SpanError:
             millimetres += 1
             continue
@@ -216,7 +217,7 @@ def design_rope(model: LineModel, factor: float | None = None) -> Designed:
         for key in model.rope_keys
         for name, value in other.rope.items()
     }
-    found = for_tension(other, tension, "as before")
+    found = for_tension(other, pulled, "as before")
     lines = [f"{', '.join(model.rope_keys)}: {why}; {construction}", *found.lines]
     for name, wheel in model.scenario.sheaves.items():
         if any(f"ropes.{rope}" in model.rope_keys for rope in wheel.ropes):

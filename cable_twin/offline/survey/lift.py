@@ -273,46 +273,53 @@ def choose_tension(
     by_strength = f"safety factor {factor:.3g} of {rope['breaking_force'] / 1e3:.0f} kN, full up"
     if not towers.names:
         return Chosen(most, by_strength, "")
-    tried: list[tuple[float, FloatArray, FloatArray]] = []
+    tried: list[Tried] = []
     for share in np.linspace(1.0, LEAST_SHARE, TRIED):
         try:
-            touches, presses = tower_margins(corner, share * most, rope["axial_stiffness"], weights, towers)
+            loads = tower_margins(corner, share * most, rope["axial_stiffness"], weights, towers)
         except SpanError:
             break
-        tried.append((float(share * most), touches, presses))
-        if touches.min() >= 0.0 and presses.min() >= 0.0:
+        tried.append(Tried(float(share * most), loads))
+        if np.min(loads) >= 0.0:
             break
     if not tried:
         return Chosen(most, by_strength, "")
-    best = max(range(len(tried)), key=lambda row: (*_kept(*tried[row][1:]), tried[row][0]))
-    tension, touches, presses = tried[best]
-    if touches.min() >= 0.0 and presses.min() >= 0.0:
-        if tension == most:
-            return Chosen(most, by_strength, "")
-        _, *loads = tried[best - 1]  # with a little more
-        name = towers.names[int((loads[0] if loads[0].min() < 0.0 else loads[1]).argmin())]
-        return Chosen(tension, f"least load of {name}: with more it would not be kept", "")
-    return _least_missed(tried, best, towers.names)
+    best = max(range(len(tried)), key=lambda row: (*_kept(tried[row].loads), -row))
+    if np.min(tried[best].loads) < 0.0:
+        return _least_missed(tried, best, towers.names)
+    if best == 0:
+        return Chosen(most, by_strength, "")
+    touches, presses = tried[best - 1].loads  # with a little more
+    name = towers.names[int((touches if touches.min() < 0.0 else presses).argmin())]
+    return Chosen(tried[best].tension, f"least load of {name}: with more it would not be kept", "")
 
 
-def _kept(touches: FloatArray, presses: FloatArray) -> tuple[int, int, int]:
+class Tried(NamedTuple):
+    """Tension tried (N), and margins of tower loads with it as of `tower_margins`."""
+
+    tension: float
+    loads: tuple[FloatArray, FloatArray]
+
+
+def _kept(loads: tuple[FloatArray, FloatArray]) -> tuple[int, int, int]:
     """Numbers of towers with the rope on them at all, with its least load, and with the least load of their sheaves."""
+    touches, presses = loads
     on = touches >= 0.0
     return int((touches >= -LEAST_BARE).sum()), int(on.sum()), int((on & (presses >= 0.0)).sum())
 
 
-def _least_missed(tried: Sequence[tuple[float, FloatArray, FloatArray]], best: int, names: Sequence[str]) -> Chosen:
-    """Tension in row `best` of tensions (N) with loads of towers as of `tower_margins`, none of which keeps all."""
-    tension, touches, presses = tried[best]
-    off = touches.min() < 0.0
-    row = 1 if off else 2
-    loads = tried[best][row]
-    worst, kept = int(loads.argmin()), _kept(touches, presses)[row]
-    never = max(one[row][worst] for one in tried) < 0.0
+def _least_missed(tried: Sequence[Tried], best: int, names: Sequence[str]) -> Chosen:
+    """Tension in row `best` of tensions none of which keeps all towers, with the one of `names` that misses most."""
+    loads = tried[best].loads
+    off = loads[0].min() < 0.0
+    row = 0 if off else 1
+    worst, kept = int(loads[row].argmin()), _kept(loads)[1 + row]
+    never = max(float(one.loads[row][worst]) for one in tried) < 0.0
     what = "the rope on" if off else f"{with_unit(LEAST_LOAD, 'N')} on each sheave of"
-    missed = f"{-loads[worst]:.0f} N" if never else f"{-loads[worst]:.0f} N on {names[worst]}"
-    none = f"no tension keeps {what} {names[worst] if never else 'all towers'}, this misses by {missed}"
-    return Chosen(tension, f"{none} and is the highest that keeps {kept} of {len(names)} towers", names[worst])
+    missed = f"{-loads[row][worst]:.0f} N" + ("" if never else f" on {names[worst]}")
+    none = f"no tension keeps {what} {names[worst] if never else 'all towers'}"
+    why = f"{none}, this keeps {kept} of {len(names)} towers and misses by {missed}"
+    return Chosen(tried[best].tension, why, names[worst])
 
 
 @lru_cache(maxsize=4096)

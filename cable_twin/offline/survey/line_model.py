@@ -130,10 +130,11 @@ class LineModel:
         pulls = []
         for which in (2,) if self.cabin else (0, 1):
             try:
-                pulls.append(self.spans(tension, which).pull[0])
+                pull = self.spans(tension, which).pull[0]
             except SpanError:
-                pulls.append(chord)
-        return np.array([pull / np.hypot(*pull) for pull in pulls])
+                pull = chord
+            pulls.append(pull / np.hypot(*pull))
+        return np.array(pulls)
 
     def pull(self, tension: float) -> float:
         """Force (N) of the counterweight, with all its strands, for a tension (N) of the rope at its tensioned end."""
@@ -380,7 +381,8 @@ def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
         sum(body.mass for body in one.bodies.values()) + (one.payload.capacity if one.payload is not None else 0.0)
         for one in scenario.carriages.values()
     ]
-    outwards = _outwards(cable.ends[weighted[0]].direction, corner) if weighted else np.zeros(2)
+    direction = cable.ends[weighted[0]].direction if weighted else None
+    outwards = np.zeros(2) if direction is None else _outwards(direction, corner)
     supports = _supports(scenario, first, names) if len(tracks) > 1 else ()
     plain = [name.removesuffix("_1") for name in names] if supports else names
     depth = max(_depth(list(one.bodies.values())) for one in scenario.carriages.values())
