@@ -38,9 +38,11 @@ One of these follows from all else, for both strands of a lift with a counterwei
 the equal track ropes of a jig-back, which stay equal (its haul rope stays as it is):
 
   length    unstrained length, and the counterweight, for --tension or --sag
-  tension   counterweight for the highest tension that the safety factor of the rope and the least loads of towers allow
+  tension   counterweight for the highest tension that the safety factor of the rope and the least loads of towers allow,
+            or else that holds the rope on most towers
   rope      thinnest rope of the same construction with the safety factor, in whole millimetres
-  towers    heights of the rope on the towers that keep least loads and clearance, changed as little as possible
+  towers    heights of the rope on the towers that keep least loads and clearance, changed as little as possible; a
+            counterweight along the rope turns with it
 
 They are found in closed form, with elastic catenaries over frictionless towers and the vehicles of a lift as even
 weight, by bounded search; each is told with what decided it, and has a comment in the new file, which else is as the

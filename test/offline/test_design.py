@@ -51,7 +51,7 @@ def test_the_highest_tension_has_its_factor_and_the_length_its_travel():
 
 @pytest.mark.parametrize("direction", [[-1.0, 0.0], [-0.9, -0.43], [-0.98, -0.197]])
 def test_a_counterweight_gives_the_tension_it_is_told_with_whatever_its_direction(direction):
-    """Both strands sag, and leave lower than the chord of their first span: formerly 0.6 and 1.1 % off."""
+    """Both strands sag, and leave lower than the chord of their first span: formerly 0.5 % off."""
     model = line_model(load_scenario("chairlift", {"sheaves.return.counterweight.direction": direction}))
     found = for_tension(model, 1.0e5, "given")
     changes = {key: one.value for key, one in found.changes.items()}
