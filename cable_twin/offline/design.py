@@ -38,8 +38,8 @@ One of these follows from all else, for both strands of a lift with a counterwei
 the equal track ropes of a jig-back, which stay equal (its haul rope stays as it is):
 
   length    unstrained length, and the counterweight, for --tension or --sag
-  tension   counterweight for the highest tension that the safety factor of the rope and the least loads of towers allow,
-            or else that holds the rope on most towers
+  tension   counterweight for the highest tension that the safety factor of the rope and the least loads of towers
+            allow, or else that holds the rope on most towers
   rope      thinnest rope of the same construction with the safety factor, in whole millimetres
   towers    heights of the rope on the towers that keep least loads and clearance, changed as little as possible; a
             counterweight along the rope turns with it
