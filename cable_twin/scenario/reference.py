@@ -6,6 +6,7 @@ python -m cable_twin.scenario.reference        writes both into docs/ anew
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario.checks.fault import allowed, inner_model
+from cable_twin.scenario.checks.fault import allowed, inner_model, locate
 from cable_twin.scenario.overrides import ALIASES, full_key
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.couplings import Sheave
@@ -52,6 +53,15 @@ class Entry(NamedTuple):
     default: str
     allowed: str
     meaning: str
+
+
+class Range(NamedTuple):
+    """Range of the numbers that one key of a scenario file can take, in its unit; infinite without limits."""
+
+    low: float
+    high: float
+    without_low: bool  # whether the lower end is excluded
+    without_high: bool
 
 
 class Table(NamedTuple):
@@ -119,6 +129,17 @@ def unit_of(key: str) -> str:
     except KeyError:
         return ""
     return "" if unit == "-" else unit
+
+
+def range_of(key: str) -> Range:
+    """Range of a scenario key by its dotted name; limits that depend on other keys are not part of it."""
+    field, _, _ = locate(tuple(full_key(key).split(".")))
+    metadata = field.metadata if field is not None else []
+    given = {name: [getattr(one, name, None) for one in metadata] for name in ("ge", "gt", "le", "lt")}
+    ends = {name: [float(one) for one in values if one is not None] for name, values in given.items()}
+    low = max(ends["ge"] + ends["gt"], default=-math.inf)
+    high = min(ends["le"] + ends["lt"], default=math.inf)
+    return Range(low, high, low in ends["gt"], high in ends["lt"])
 
 
 def page() -> str:

@@ -249,6 +249,34 @@ def test_a_key_of_a_tower_is_one_parameter_of_all_its_ropes():
             parameters_of(simulation, keys, {}, {})
 
 
+def test_bounds_keep_to_what_the_schema_allows():
+    """Of ice from 0 on, temperature from its default on and a strong wind: six deviations reach beyond."""
+    simulation = Simulation(load_scenario("aerial_tramway"))
+    priors = {"air.wind.x": Prior(90.0, 5.0)}
+    found = parameters_of(simulation, ["cable.ice", "air.temperature", "wind.x"], priors, {})
+    assert [(one.key, one.mean, one.deviation, one.low, one.high) for one in found] == [
+        ("cable.ice", 0.0, 1.0, 0.0, 6.0),
+        ("air.temperature", 20.0, 15.0, -70.0, 100.0),
+        ("air.wind.x", 90.0, 5.0, 60.0, 100.0),
+    ]
+    for key, mean, said in (
+        ("cable.ice", -0.05, "--prior: cable.ice: given a mean of -0.05 kg/m; allowed: at least 0 kg/m"),
+        (PAYLOAD, 9000.0, "given a mean of 9000 kg; allowed: at least 0 kg and at most 6400 kg"),
+    ):
+        with pytest.raises(CalibrationError, match=re.escape(said)):
+            parameters_of(simulation, [key], {key: Prior(mean, 1.0)}, {})
+
+
+def test_the_friction_of_a_tower_without_one_is_free_from_its_usual_value():
+    simulation = Simulation(load_scenario("chairlift"))
+    (one,) = parameters_of(simulation, ["towers.tower_3.friction"], {}, {})
+    assert one.keys == ("towers.tower_3_up.friction", "towers.tower_3_down.friction")
+    assert (one.mean, one.deviation) == (0.03, pytest.approx(0.015))
+    said = "--free: towers.tower_3.mast_offset: given null in this scenario; allowed: with --set towers.tower_3.mast_o"
+    with pytest.raises(CalibrationError, match=re.escape(said)):
+        parameters_of(simulation, ["towers.tower_3.mast_offset"], {}, {})
+
+
 @pytest.mark.parametrize(
     ("bag", "options", "said"),
     [

@@ -10,8 +10,10 @@ from typing import Any, NamedTuple
 
 from cable_twin.basics.printable import printable
 from cable_twin.basics.units import NORMAL_95, with_unit
+from cable_twin.mechanics.parameters import STRONGEST_WIND
 from cable_twin.scenario import Scenario, ScenarioError, full_key, load_scenario, scenario_keys, value_at
-from cable_twin.scenario.reference import explained
+from cable_twin.scenario.builders.system import tower_friction
+from cable_twin.scenario.reference import explained, range_of
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.same_model import OtherModelError
 
@@ -35,6 +37,8 @@ SHARES = (
 )
 OF_CAPACITY = 0.3  # prior standard deviation of a payload
 PAYLOAD = re.compile(r"(.*\.payload)\.(mass|from_start|from_end|on_cable|leaving\.[^.]+)")
+TOWER_FRICTION = re.compile(r"towers\.([^.]+)\.friction")
+WIND = re.compile(r"air\.wind\.([xyz]|\d+)")
 ABSOLUTE = ((r"^air\.wind\.", 5.0), (r"temperature$", 15.0), (r"\.ice", 1.0))
 
 
@@ -123,7 +127,7 @@ def parameters_of(
         if key.startswith(f"{OF_SENSORS}.") and key.rpartition(".")[2] in ERRORS:
             own = _errors_of(scenario, key, priors, scale)
         else:
-            own = [_of_scenario(simulation, key, alike, priors)]
+            own = [_of_scenario(simulation, key, alike, priors, given)]
         for one in own:
             if twice := freed.intersection(one.keys):
                 raise CalibrationError(f"--free: given {min(twice)} twice; allowed: once")
@@ -170,8 +174,13 @@ def _errors_of(
     return found
 
 
-def _of_scenario(simulation: Simulation, key: str, alike: Sequence[str], priors: Mapping[str, Prior]) -> Parameter:
-    """Free parameter for a key of the scenario, and of joined strands or of a tower's other ropes, `alike`."""
+def _of_scenario(
+    simulation: Simulation, key: str, alike: Sequence[str], priors: Mapping[str, Prior], given: str
+) -> Parameter:
+    """Free parameter for a key of the scenario, and of joined strands or of a tower's other ropes, `alike`.
+
+    In messages the key is as the user gave it.
+    """
     scenario = simulation.scenario
     above, _, last = key.rpartition(".")
     try:
@@ -179,14 +188,13 @@ def _of_scenario(simulation: Simulation, key: str, alike: Sequence[str], priors:
     except KeyError as error:
         raise CalibrationError(f"--free: {error.args[0]}") from None
     resolved = scenario.resolved()
-    value = value_at(resolved, key)
+    value = _value(scenario, resolved, key)
     if value is None or isinstance(value, bool | str) or not isinstance(value, int | float):
-        given = "a section" if isinstance(value, Mapping | list | tuple) else "no number in this scenario"
-        raise CalibrationError(f"--free: {printable(key)}: given {given}; allowed: keys with a number as value")
+        raise CalibrationError(f"--free: {printable(given)}: {_no_number(resolved, key, value, given)}")
     if isinstance(value, int) and not isinstance(value, bool) and "whole" in entries[0].allowed:
         raise CalibrationError(f"--free: {key}: given a key of whole numbers; allowed: keys that take any number")
     for one in alike:
-        if value_at(resolved, one) != value:
+        if _value(scenario, resolved, one) != value:
             raise CalibrationError(
                 f"--free: given {key} and {one} as one parameter, of different values; allowed: each for itself"
             )
@@ -203,11 +211,39 @@ def _of_scenario(simulation: Simulation, key: str, alike: Sequence[str], priors:
     mean, deviation = (float(value), _usual(key, float(value), resolved)) if prior is None else prior
     low, high = _bounds(key, mean, deviation, resolved)
     unit = entries[0].unit if len(entries) == 1 else "-"
+    if not low <= mean <= high:
+        name = "--free" if prior is None else "--prior"
+        least, most = _range(key, mean, resolved)
+        allowed = " and ".join(
+            f"{words} {with_unit(end, unit or '-')}"
+            for words, end in (("at least", least), ("at most", most))
+            if math.isfinite(end)
+        )
+        raise CalibrationError(f"{name}: {key}: given a mean of {with_unit(mean, unit or '-')}; allowed: {allowed}")
     parameter = Parameter(key, unit or "-", mean, deviation, low, high, given=prior is not None, joined=joined)
     _try_free(simulation, parameter, mean + (0.1 if mean + 0.1 * deviation <= high else -0.1) * deviation)
     for end in (low, high):
         _try_value(scenario, parameter, end)
     return parameter
+
+
+def _value(scenario: Scenario, resolved: Mapping[str, Any], key: str) -> Any:
+    """Value of a scenario key; of the friction of a tower without one the usual one of its kind."""
+    value = value_at(resolved, key)
+    if value is None and (tower := TOWER_FRICTION.fullmatch(key)) and tower[1] in scenario.towers:
+        return tower_friction(scenario.towers[tower[1]])
+    return value
+
+
+def _no_number(resolved: Mapping[str, Any], key: str, value: Any, given: str) -> str:
+    """Words about a key without a number as value, and what is allowed in its place."""
+    if isinstance(value, Mapping | list | tuple):
+        return "given a section; allowed: keys with a number as value"
+    above, _, last = key.rpartition(".")
+    section = value_at(resolved, above)
+    if value is None and isinstance(section, Mapping) and last in section:
+        return f"given null in this scenario; allowed: with --set {printable(given)}=VALUE, the mean of its prior"
+    return "given no number in this scenario; allowed: keys with a number as value"
 
 
 def _usual(key: str, value: float, resolved: Mapping[str, Any]) -> float:
@@ -229,12 +265,31 @@ def _absolute(key: str) -> float | None:
 
 
 def _bounds(key: str, mean: float, deviation: float, resolved: Mapping[str, Any]) -> tuple[float, float]:
-    """Bounds of a free scenario key about its prior mean: for most keys of one sign; for a payload 0 to capacity."""
-    if payload := PAYLOAD.fullmatch(key):
-        return 0.0, _capacity(payload[1], resolved)
+    """Bounds of a free scenario key about its prior mean: for most keys of one sign; within the range of the key."""
+    least, most = _range(key, mean, resolved)
+    if PAYLOAD.fullmatch(key):
+        return least, most
     low, high = mean - WIDEST * deviation, mean + WIDEST * deviation
     if _absolute(key) is None:
         low, high = (max(low, NARROWEST * mean), high) if mean >= 0.0 else (low, min(high, NARROWEST * mean))
+    return max(low, least), min(high, most)
+
+
+def _range(key: str, mean: float, resolved: Mapping[str, Any]) -> tuple[float, float]:
+    """Values that a scenario key can take: of a payload 0 to its capacity, of a wind as long as it is not too strong.
+
+    Of a range without its end, such as numbers above 0, the end is a little inside, towards the mean.
+    """
+    if payload := PAYLOAD.fullmatch(key):
+        return 0.0, _capacity(payload[1], resolved)
+    if WIND.fullmatch(key):
+        wind = [float(one) for one in value_at(resolved, "air.wind")]
+        others = math.hypot(*wind) ** 2 - float(value_at(resolved, key)) ** 2
+        most = math.sqrt(max(STRONGEST_WIND**2 - others, 0.0))
+        return -most, most
+    own = range_of(key)
+    low = own.low + NARROWEST * max(mean - own.low, 0.0) if own.without_low else own.low
+    high = own.high - NARROWEST * max(own.high - mean, 0.0) if own.without_high else own.high
     return low, high
 
 
