@@ -246,9 +246,10 @@ def _print(solution: Solution) -> None:
     print(f"{'parameter':{wide}}  {'value':>12} {'95 % interval':>27} {'prior':>12}  unit")
     for one in solution.estimates:
         unit, scale = shown_unit(one.parameter.unit, max(abs(one.value), abs(one.parameter.mean)))
-        value, half, prior = (scale * number for number in (one.value, one.half, one.parameter.mean))
-        interval = f"{rounded(value - half, 5)} to {rounded(value + half, 5)}"
+        value, low, high, prior = (scale * number for number in (one.value, one.low, one.high, one.parameter.mean))
+        interval = f"{rounded(low, 5)} to {rounded(high, 5)}"
         remark = "  prior kept" if not one.told else "  at its bound" if one.at_bound else ""
+        remark += "  interval cut at its bound" if one.cut else ""
         remark += "".join(f"  = {key}" for key in one.parameter.joined)
         numbers = f"{rounded(value, 5):>12} {interval:>27} {rounded(prior, 5):>12}"
         print(f"{one.parameter.key:{wide}}  {numbers}  {unit}{remark}")

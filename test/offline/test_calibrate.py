@@ -12,9 +12,10 @@ import pytest
 from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.basics.units import NORMAL_95
 from cable_twin.offline import plant
-from cable_twin.offline.calibrate import main
+from cable_twin.offline.calibrate import _print, main
 from cable_twin.offline.calibration.check import check
 from cable_twin.offline.calibration.parameters import CalibrationError, Parameter, Prior, parameters_of
+from cable_twin.offline.calibration.plot import write_picture
 from cable_twin.offline.calibration.prediction import Evaluation, Rows
 from cable_twin.offline.calibration.solve import Estimate, solve
 from cable_twin.offline.calibration.writing import scenario_text
@@ -107,6 +108,27 @@ def test_intervals_cover_the_truth(lasting):
         factors += [one.inflated for one in found.estimates]
     assert 0.90 <= np.mean(inside) <= 0.99
     assert (np.median(factors) > 2.0) == (lasting > 0.0)
+
+
+def test_an_interval_beyond_a_bound_is_cut_there_and_it_is_said(tmp_path, capsys):
+    """In the table, as `low` and `high` of the results, in the comment of the scenario and in the picture."""
+    jacobian = np.column_stack([np.full(400, 0.2), np.full(400, 3.0) * (-1.0) ** np.arange(400)])
+    found = solved(jacobian, jacobian @ [-1.9, 0.5], bounds=(-2.0, 2.0))
+    first, second = found.estimates
+    assert first.value - first.half < -2.0 == first.low < first.value < first.high
+    assert (first.cut, second.cut) == (True, False)
+    assert second.high - second.low == pytest.approx(2.0 * second.half)
+    _print(found)
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("p")]
+    assert [line.endswith("interval cut at its bound") for line in lines if line[:2] in ("p0", "p1")] == [True, False]
+    assert " -2 to " in lines[1]
+    parameter = Parameter(DAMPING, "s", 0.004, 0.003, 2e-4, 0.022)
+    estimate = Estimate(parameter, 0.005, 0.003, told=True, at_bound=False, inflated=1.0)
+    text = scenario_text("aerial_tramway", {}, load_scenario("aerial_tramway"), [estimate], [Path("log")])
+    assert "calibrated: 0.0002 s to 0.0109 s (95 %, cut at its bound)" in text
+    linear = Linear(jacobian, np.zeros(400))
+    write_picture("picture", found, linear.rows, tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").stat().st_size > 10_000
 
 
 @pytest.fixture(scope="module")

@@ -54,12 +54,16 @@ def _draw_estimates(panel: Axes, solution: Solution) -> None:
     labels = []
     for row, one in enumerate(solution.estimates):
         prior = one.parameter
-        middle, half = (one.value - prior.mean) / prior.deviation, one.half / prior.deviation
+        middle = (one.value - prior.mean) / prior.deviation
+        ends = [[(one.value - one.low) / prior.deviation], [(one.high - one.value) / prior.deviation]]
         panel.plot([-NORMAL_95, NORMAL_95], [row, row], color=QUIET, linewidth=7.0, alpha=0.35, solid_capstyle="butt")
         color = COLORS[0] if one.told else QUIET
-        panel.errorbar(middle, row, xerr=half, fmt="o", color=color, markersize=5.0, capsize=4.0, linewidth=1.6)
+        panel.errorbar(middle, row, xerr=ends, fmt="o", color=color, markersize=5.0, capsize=4.0, linewidth=1.6)
         unit, scale = shown_unit(prior.unit, one.value)
-        text = f"{rounded(scale * one.value)} ± {rounded(scale * one.half, 2)} {unit}".removesuffix(" -")
+        half = f"± {rounded(scale * one.half, 2)}"
+        if one.cut:
+            half = f"({rounded(scale * one.low, 2)} to {rounded(scale * one.high, 2)})"
+        text = f"{rounded(scale * one.value)} {half} {unit}".removesuffix(" -")
         panel.annotate(
             text if one.told else "not told: prior kept",
             (1.0, row),

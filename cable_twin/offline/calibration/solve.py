@@ -42,8 +42,23 @@ class Estimate(NamedTuple):
 
     @property
     def half(self) -> float:
-        """Half of the width of the 95 % interval of the estimate."""
+        """Half of the width of the 95 % interval of the estimate, before it is cut at bounds."""
         return NORMAL_95 * self.deviation
+
+    @property
+    def low(self) -> float:
+        """Lower end of the 95 % interval, cut at the bound of the parameter; in its unit."""
+        return max(self.value - self.half, min(self.parameter.low, self.value))
+
+    @property
+    def high(self) -> float:
+        """Upper end of the 95 % interval, cut at the bound of the parameter; in its unit."""
+        return min(self.value + self.half, max(self.parameter.high, self.value))
+
+    @property
+    def cut(self) -> bool:
+        """Whether the 95 % interval reaches beyond a bound of the parameter, at which it is cut."""
+        return self.low > self.value - self.half or self.high < self.value + self.half
 
 
 class Fit(NamedTuple):

@@ -131,7 +131,11 @@ def _source(one: Estimate) -> str:
     unit = "" if unit == "-" else one.parameter.unit + ", "
     if not one.told:
         return f"{unit}prior kept: the logs do not tell it, +- {with_unit(one.half, one.parameter.unit, 3)} assumed"
-    return f"{unit}calibrated: +- {with_unit(one.half, one.parameter.unit, 3)} (95 %), prior {one.parameter.prior}"
+    interval = f"+- {with_unit(one.half, one.parameter.unit, 3)} (95 %)"
+    if one.cut:
+        low, high = (with_unit(end, one.parameter.unit, 3) for end in (one.low, one.high))
+        interval = f"{low} to {high} (95 %, cut at its bound)"
+    return f"{unit}calibrated: {interval}, prior {one.parameter.prior}"
 
 
 def results(solution: Solution, found: Check, logs: Sequence[Path]) -> dict[str, Any]:
@@ -145,9 +149,10 @@ def results(solution: Solution, found: Check, logs: Sequence[Path]) -> dict[str,
                 "unit": one.parameter.unit,
                 "told": bool(one.told),
                 "value": one.value,
-                "low": one.value - one.half,
-                "high": one.value + one.half,
+                "low": one.low,
+                "high": one.high,
                 "at_bound": bool(one.at_bound),
+                "cut_at_bound": bool(one.cut),
                 "prior": {"mean": one.parameter.mean, "deviation": one.parameter.deviation},
                 "bounds": [one.parameter.low, one.parameter.high],
                 "model_error_factor": one.inflated,
