@@ -29,7 +29,7 @@ from cable_twin.offline.calibration.prediction import (
     save_state,
     scales_of,
 )
-from cable_twin.offline.calibration.solve import Solution, solve
+from cable_twin.offline.calibration.solve import MISFIT, Solution, solve
 from cable_twin.offline.calibration.writing import results, scenario_text
 from cable_twin.offline.simulate_options import UNUSABLE, add_changes, plots_fault
 from cable_twin.recording.log_file import LogError
@@ -41,7 +41,6 @@ from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, t
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 STATE, SCENARIO_FILE, RESULTS, PICTURE = "state.npz", "calibrated.yaml", "calibration.json", "calibration.png"
 USUAL_RUNS = 6  # of all members in a solve
-MISFIT = 1.5  # root mean square of residuals from which on a sensor does not fit
 THOUSANDFOLD = 300.0, 3000.0  # times a prediction that a sensor with a wrong unit reads, or the inverse of that
 EPILOG = """\
 Twins repeat the run of each log with its commands. KEYs are those of a scenario, and errors of sensors:
@@ -56,8 +55,11 @@ errors of the model as far as residuals show them.
 DIR gets calibrated.yaml, the scenario with a comment beside each number, calibration.json, calibration.png and
 state.npz. The same command goes on where it was ended.
 
-exit codes: 0 done, 1 the twin failed, the solve found no end or something cannot be written, 2 wrong log, scenario,
-key or option, 130 ended by Ctrl-C
+Where sensors do not fit at the end, the search starts again from other points. If they still do not fit, the values
+and intervals of the files are not to be trusted.
+
+exit codes: 0 done, 1 sensors do not fit, the twin failed, the solve found no end or something cannot be written, 2
+wrong log, scenario, key or option, 130 ended by Ctrl-C
 
 examples:
   echo '- {time: 2, name: cabin, speed: 7.0}' > trip.yaml
@@ -212,7 +214,7 @@ def _run(job: Job, options: argparse.Namespace, console: Console) -> int:
     _tell_check(found, any(one.moved for one in job.packages))
     if options.check:
         return DONE
-    solution = solve(predictor, found, prior)
+    solution = solve(predictor, found, prior, partial(tell, "calibrate"))
     if not all(np.isfinite([one.deviation for one in solution.estimates])):
         raise _FailedError("the estimates have no finite 95 % intervals: nothing is written")
     _print(solution)
@@ -285,6 +287,13 @@ def _write(job: Job, solution: Solution, found: Check, options: argparse.Namespa
     print(f"{directory}: {', '.join(files)}")
     if not solution.converged:
         return fail("calibrate", f"no end after {solution.evaluations} evaluations: the values are not final", FAILED)
+    if misfits := solution.misfits:
+        sensors = ", ".join(f"{one.sensor} {rounded(one.after, 3)}" for one in misfits)
+        elsewhere = f" from any of {solution.starts} starting points" if solution.starts > 1 else ""
+        line = (
+            f"the run does not fit{elsewhere}: values and intervals are not to be trusted; residuals: given {sensors}"
+        )
+        return fail("calibrate", f"{line} standard deviations; allowed: {MISFIT} or less", FAILED)
     return DONE
 
 

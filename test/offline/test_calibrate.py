@@ -59,6 +59,9 @@ class Linear:
     def first(self, seconds):
         return None
 
+    def look(self, points):
+        return self._measured[:, None] - self._jacobian @ points.T
+
     def evaluate(self, point, near=None):
         self.evaluations.append(Evaluation(point, self._measured - self._jacobian @ point, -self._jacobian))
         return self.evaluations[-1]

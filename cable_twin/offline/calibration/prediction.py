@@ -23,6 +23,7 @@ from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline.calibration.data import Package, Series
 from cable_twin.offline.calibration.parameters import CalibrationError, Parameter
 from cable_twin.scenario import Scenario, command_limits, load_scenario
+from cable_twin.simulation import EquilibriumError
 
 APART = 0.03  # prior standard deviations between the members of a difference
 SAME_TIME = 1e-6  # s
@@ -175,6 +176,39 @@ class Predictor:
         self.on_evaluation(found)
         return found
 
+    def look(self, points: FloatArray) -> FloatArray:
+        """Residuals alone at several points, by an ensemble of one member each; nothing of it is kept.
+
+        Args:
+            points: (m, n) of n parameters, in deviations of their priors from the mean.
+
+        Returns:
+            Residuals (rows, m) in standard deviations of the sensors; infinite where the twin has no rest or fails.
+        """
+        values = np.array([self.values(one) for one in points])
+        predicted: list[FloatArray] = []
+        lost: set[int] = set()
+        duration, before = sum(one.end for one in self._packages), 0.0
+        try:
+            with self.bar(len(self._known) + 1) as share:
+                for package in self._packages:
+                    predicted += self._run(package, values, partial(_share_after, share, before, duration), lost)
+                    before += package.end
+        except EquilibriumError:
+            if len(points) == 1:
+                return np.full((self.rows.time.size, 1), np.inf)
+            middle = len(points) // 2  # one of them has no rest: it is searched for by halves
+            return np.hstack([self.look(points[:middle]), self.look(points[middle:])])
+        every, found = [series for one in self._packages for series in one.series], []
+        for series, of_members in zip(every, predicted, strict=True):
+            for number, own in enumerate(values):
+                seen, _ = self._seen(series, of_members[:, number : number + 1], own)
+                of_members[:, number] = (series.values - seen[:, 0]) / self._deviations[series.sensor]
+            found.append(of_members)
+        residuals = np.vstack(found)
+        residuals[:, sorted(lost)] = np.inf
+        return residuals
+
     def ratios(self, evaluation: Evaluation) -> dict[str, float]:
         """Ratio, per sensor, of the median size of its readings to the median size of the twin's predictions."""
         found, first = {}, 0
@@ -199,19 +233,29 @@ class Predictor:
             steps[row] = beside[row, number] - point[number]
         return beside, steps
 
-    def _run(self, package: Package, values: FloatArray, share: Callable[[float], object]) -> list[FloatArray]:
-        """Run an ensemble over a log; returns predictions (samples, members) for each time series of the log."""
+    def _run(
+        self, package: Package, values: FloatArray, share: Callable[[float], object], lost: set[int] | None = None
+    ) -> list[FloatArray]:
+        """Run an ensemble over a log; returns predictions (samples, members) for each time series of the log.
+
+        A member that fails ends the run with an error, or with `lost` is noted there.
+        """
         keys = {key: number for number in self._of_model for key in self.parameters[number].keys}
         middle = load_scenario(self._scenario.resolved(), {key: float(values[0, row]) for key, row in keys.items()})
         parameters: dict[str, Any] = {key: values[:, row].tolist() for key, row in keys.items()}
         ensemble = Ensemble(middle, len(values), parameters=parameters, threads=self._threads, progress=False)
         try:
-            return self._sampled(ensemble, package, values, share)
+            return self._sampled(ensemble, package, values, share, lost)
         finally:
             ensemble.close()
 
     def _sampled(
-        self, ensemble: Ensemble, package: Package, values: FloatArray, share: Callable[[float], object]
+        self,
+        ensemble: Ensemble,
+        package: Package,
+        values: FloatArray,
+        share: Callable[[float], object],
+        lost: set[int] | None,
     ) -> list[FloatArray]:
         step = ensemble.scenario.solver.step
         due: dict[int, list[AppliedCommand]] = {}
@@ -228,7 +272,11 @@ class Predictor:
                 break
             ensemble.advance_to(clock * step)
             if ensemble.faults:
-                self._tell_fault(ensemble, package, values)
+                if lost is None:
+                    raise self._fault(ensemble, package, values)
+                lost.update(ensemble.faults)
+                if len(lost) == len(values):
+                    break
             if clock in wanted:  # a command acts after what is measured at its time
                 numbers = ensemble.numbers()
                 for number, row in wanted[clock]:
@@ -236,16 +284,18 @@ class Predictor:
             for applied in due.get(clock, ()):
                 ensemble.apply(applied.command)
             share(clock * step)
+        for rows in found if lost else ():
+            rows[:, sorted(lost)] = 0.0
         return [_at(one.times, step, rows) for one, rows in zip(package.series, found, strict=True)]
 
-    def _tell_fault(self, ensemble: Ensemble, package: Package, values: FloatArray) -> None:
+    def _fault(self, ensemble: Ensemble, package: Package, values: FloatArray) -> CalibrationError:
         member, fault = next(iter(ensemble.faults.items()))
         given = ", ".join(
             f"{one.key} {with_unit(value, one.unit)}"
             for one, value in zip(self.parameters, values[member], strict=True)
             if not one.sensor
         )
-        raise CalibrationError(f"{package.path}: the twin failed with {given}: {fault}")
+        return CalibrationError(f"{package.path}: the twin failed with {given}: {fault}")
 
     def _linear(
         self, point: FloatArray, predicted: Sequence[FloatArray], steps: FloatArray, near: Evaluation | None

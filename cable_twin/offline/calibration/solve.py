@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from cable_twin.basics.units import NORMAL_95
+from cable_twin.basics.units import NORMAL_95, counted, rounded
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.calibration.check import Check, covariance_of
 from cable_twin.offline.calibration.data import STRETCH
 from cable_twin.offline.calibration.parameters import CalibrationError, Parameter
 from cable_twin.offline.calibration.prediction import Evaluation, Predictor, Rows
+from cable_twin.offline.calibration.starts import starting_points
 from cable_twin.simulation import EquilibriumError
 
 HORIZONS = 60.0, 180.0  # s, first parts of long logs that are searched before
@@ -27,6 +28,9 @@ LEAST_DAMPING = 1e-3  # of the diagonal of the normal matrix
 LEAST_AFTER_FAILURE = 0.1  # the same where the twin could not take the step
 MOST_EVALUATIONS, MOST_FAILED = 25, 6
 AT_BOUND = 1e-3  # prior deviations
+MISFIT = 1.5  # root mean square of residuals from which on a sensor does not fit
+OF_EACH, ROUNDS = 2, 2  # starting points of each kind from which the search starts again, looks for such points
+LOWER = 0.95  # of the cost, which another start has to reach on the first part of the logs
 FEWEST_CLUSTERS = 5
 
 
@@ -79,31 +83,108 @@ class Solution(NamedTuple):
     fits: tuple[Fit, ...]
     prior: Evaluation
     last: Evaluation
-    converged: bool
+    converged: bool  # whether the search came to an end
     evaluations: int
+    starts: int  # points from which it began
+
+    @property
+    def misfits(self) -> tuple[Fit, ...]:
+        """Fits of the sensors whose residuals are larger than their deviations explain: the model does not fit them."""
+        return tuple(one for one in self.fits if one.after > MISFIT)
+
+    @property
+    def done(self) -> bool:
+        """Whether the calibration is a success: the search came to an end at which all sensors fit."""
+        return self.converged and not self.misfits
 
 
-def solve(predictor: Predictor, check: Check, prior: Evaluation) -> Solution:
+def solve(
+    predictor: Predictor, check: Check, prior: Evaluation, say: Callable[[str], object] = lambda _: None
+) -> Solution:
     """Solve a calibration: bounded least squares of training data and priors.
+
+    Where the sensors do not fit at the end, the search starts again from other points, and the best end is kept.
 
     Args:
         predictor: of the measurements.
         check: identifiability check; parameters that are not identifiable keep their priors.
         prior: evaluation at the means of the priors.
+        say: called with a line where the search starts again.
 
     Raises:
         CalibrationError: the twin failed.
     """
-    told = check.told
+    told, starts = check.told, 1
     if not told:
-        return _solution(predictor, told, prior, prior, converged=True)
+        return _solution(predictor, told, prior, prior, converged=True, starts=starts)
 
-    at = prior
-    for seconds in HORIZONS:  # of a long run phases of swings fit nowhere but near what is to be found
-        if (short := predictor.first(seconds)) is not None:
-            at = _from_here(short, told, short.evaluate(at.point))[0]
-    at, converged = _from_here(predictor, told, at if at is prior else predictor.evaluate(at.point))
-    return _solution(predictor, told, prior, at, converged=converged)
+    # of a long run phases of swings fit nowhere but near what is to be found
+    shorts = [short for seconds in HORIZONS if (short := predictor.first(seconds)) is not None]
+    at, converged = _descent(predictor, shorts, told, prior.point)
+    for _ in range(ROUNDS):
+        if not (misfits := [one for one in _fits(predictor.rows, prior, at) if one.after > MISFIT]):
+            break
+        worst = max(misfits, key=lambda one: one.after)
+        say(
+            f"{counted(len(misfits), 'sensor')} beyond {MISFIT} standard deviations at the end of the search "
+            f"({worst.sensor} {rounded(worst.after, 3)}): it starts again from elsewhere"
+        )
+        better, tried = _from_elsewhere(predictor, shorts, told, prior, at)
+        starts += tried
+        if better is None:
+            break
+        at, converged = better
+    return _solution(predictor, told, prior, at, converged=converged, starts=starts)
+
+
+def _descent(
+    predictor: Predictor, shorts: Sequence[Predictor], told: Sequence[int], point: FloatArray
+) -> tuple[Evaluation, bool]:
+    """Search the first parts of long logs, then all, from a point on; returns best evaluation, whether converged."""
+    for short in shorts:
+        point = _from_here(short, told, short.evaluate(point))[0].point
+    return _from_here(predictor, told, predictor.evaluate(point))
+
+
+def _from_elsewhere(
+    predictor: Predictor, shorts: Sequence[Predictor], told: Sequence[int], prior: Evaluation, at: Evaluation
+) -> tuple[tuple[Evaluation, bool] | None, int]:
+    """Search from the best of other starting points; returns a better end, if there is one, and the number of starts.
+
+    A coarse look tells the best: residuals at all points, averaged, without Jacobians, of the first part of long logs.
+    A start whose end is no better there is not searched further.
+    """
+    kinds = starting_points(predictor.parameters, told, predictor.bounds, at.point)
+    rough, points = (shorts[0] if shorts else predictor), np.vstack([at.point, *kinds])
+    if len(points) == 1:
+        return None, 0
+    looked, means, fine = rough.look(points), Means(rough.rows, SLOW), Means(rough.rows, 0.0)
+    evaluations = [at._replace(point=point, residuals=own) for point, own in zip(points, looked.T, strict=True)]
+    costs, here = [cost(one, means) for one in evaluations], cost(evaluations[0], fine)
+    near = range(1, 1 + len(kinds[0]))
+    chosen = [
+        row
+        for kind in (near, range(near.stop, len(points)))
+        for row in sorted((row for row in kind if np.isfinite(costs[row])), key=costs.__getitem__)[:OF_EACH]
+    ]
+    every, best, tried = Means(predictor.rows, 0.0), None, 0
+    lowest = cost(at, every)
+    for row in sorted(chosen, key=costs.__getitem__):
+        point, tried = points[row], tried + 1
+        try:
+            if shorts:
+                begun, _ = _from_here(rough, told, rough.evaluate(point))
+                if cost(begun, fine) > LOWER * here:
+                    continue
+                point = begun.point
+            found = _descent(predictor, shorts[1:], told, point)
+        except (EquilibriumError, CalibrationError):  # no rest there, or the twin failed
+            continue
+        if (reached := cost(found[0], every)) < lowest:
+            best, lowest = found, reached
+            if not any(one.after > MISFIT for one in _fits(predictor.rows, prior, found[0])):
+                break
+    return best, tried
 
 
 def _from_here(predictor: Predictor, told: Sequence[int], at: Evaluation) -> tuple[Evaluation, bool]:
@@ -147,9 +228,8 @@ def _search(
 ) -> tuple[Evaluation, bool]:
     """Minimise the cost of a calibration from an evaluation on; returns the best evaluation and whether converged."""
     low, high = (side[told] for side in predictor.bounds)
-    point, damping, first, failed = at.point.copy(), 0.0, len(predictor.evaluations), 0
-    most = MOST_ROUGH if roughly else MOST_EVALUATIONS
-    while len(predictor.evaluations) < first + most:
+    point, damping, first, failed, taken = at.point.copy(), 0.0, len(predictor.evaluations), 0, 0
+    while taken < MOST_ROUGH if roughly else len(predictor.evaluations) < first + MOST_EVALUATIONS:
         step, size = _step(at, means, told, damping, (low - point[told], high - point[told]))
         if size < (NEAR if roughly else NO_STEP):
             return at, True
@@ -163,6 +243,7 @@ def _search(
                 raise
             damping = max(10.0 * damping, LEAST_AFTER_FAILURE)
             continue
+        taken += 1
         gained = cost(at, means) - cost(tried, means)
         if gained >= 0.0:
             damping = 0.0 if damping <= LEAST_DAMPING else damping / 10.0
@@ -172,7 +253,7 @@ def _search(
         elif size < NO_LONGER_SMOOTH:
             return at, True
         elif not at.fresh:
-            at = predictor.evaluate(point)
+            at, taken = predictor.evaluate(point), taken + 1
         else:
             damping = max(10.0 * damping, LEAST_DAMPING)
     return at, False
@@ -202,10 +283,9 @@ def _step(
 
 
 def _solution(
-    predictor: Predictor, told: Sequence[int], prior: Evaluation, last: Evaluation, *, converged: bool
+    predictor: Predictor, told: Sequence[int], prior: Evaluation, last: Evaluation, *, converged: bool, starts: int
 ) -> Solution:
     rows, parameters = predictor.rows, predictor.parameters
-    training = ~rows.held
     covariance, inflated = intervals(last, rows, told)
     deviations = np.ones(len(parameters))
     deviations[told] = np.sqrt(np.diag(covariance))
@@ -221,20 +301,20 @@ def _solution(
         factor = float(inflated[told.index(number)]) if number in told else 1.0
         deviation = float(deviations[number] * one.deviation)
         estimates.append(Estimate(one, float(values[number]), deviation, number in told, at_bound, factor))
+    fits, count = _fits(rows, prior, last), len(predictor.evaluations)
+    return Solution(tuple(estimates), correlation, fits, prior, last, converged, count, starts)
+
+
+def _fits(rows: Rows, prior: Evaluation, last: Evaluation) -> tuple[Fit, ...]:
+    """Fits of all sensors at an evaluation, beside those at the means of the priors."""
     fits = []
     for number, name in enumerate(rows.sensors):
-        own, held = (rows.sensor == number) & training, (rows.sensor == number) & rows.held
+        of_sensor = rows.sensor == number
+        own, held = of_sensor & ~rows.held, of_sensor & rows.held
         if own.any() or held.any():
-            fits.append(
-                Fit(
-                    name,
-                    _rms(prior.residuals[own]),
-                    _rms(last.residuals[own]),
-                    _rms(last.residuals[held]),
-                    int(own.sum()),
-                )
-            )
-    return Solution(tuple(estimates), correlation, tuple(fits), prior, last, converged, len(predictor.evaluations))
+            before, after = (_rms(one.residuals[own]) for one in (prior, last))
+            fits.append(Fit(name, before, after, _rms(last.residuals[held]), int(own.sum())))
+    return tuple(fits)
 
 
 def intervals(last: Evaluation, rows: Rows, told: Sequence[int]) -> tuple[FloatArray, FloatArray]:

@@ -161,8 +161,10 @@ def results(solution: Solution, found: Check, logs: Sequence[Path]) -> dict[str,
         )
     return {
         "logs": [str(path) for path in logs],
-        "converged": solution.converged,
+        "converged": solution.done,
+        "do_not_fit": [one.sensor for one in solution.misfits],
         "evaluations": solution.evaluations,
+        "starting_points": solution.starts,
         "parameters": parameters,
         "correlation": np.round(solution.correlation, 4).tolist(),
         "singular_values": found.singular_values.tolist(),
