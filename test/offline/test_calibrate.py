@@ -12,18 +12,20 @@ import pytest
 from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.basics.units import NORMAL_95
 from cable_twin.offline import plant
-from cable_twin.offline.calibrate import _print, main
+from cable_twin.offline.calibrate import _print, main, parser, prepare
 from cable_twin.offline.calibration.check import check
 from cable_twin.offline.calibration.parameters import CalibrationError, Parameter, Prior, parameters_of
 from cable_twin.offline.calibration.plot import write_picture
 from cable_twin.offline.calibration.prediction import Evaluation, Rows
 from cable_twin.offline.calibration.solve import Estimate, solve
+from cable_twin.offline.calibration.starts import starting_points
 from cable_twin.offline.calibration.writing import scenario_text
 from cable_twin.scenario import load_scenario, scenario_file, scenario_keys, value_at
-from cable_twin.simulation import Simulation
+from cable_twin.simulation import EquilibriumError, Simulation
 
 PAYLOAD, ROLLING = "carriages.cabin.payload.mass", "carriages.cabin.friction.rolling"
 DAMPING, MASS = "cable.damping_time", "cable.start.mass"
+BIAS = "sensors.load_start.bias"
 TRUTH = {PAYLOAD: 4200.0, ROLLING: 0.0065, MASS: 131e3}
 COARSE = ["--set", "cable.elements={target: 30.0, at_towers: 8.0, growth: 2.0}"]  # for speed
 SENSORS = """\
@@ -67,10 +69,76 @@ class Linear:
         return self.evaluations[-1]
 
 
+class Swing(Linear):
+    """Measurements of a swing whose frequency depends on the first parameter: minima where its phase slips a turn."""
+
+    def __init__(self, measured):
+        super().__init__(np.ones((len(measured), 2)), measured)
+        self.looks, self.failing = 0, False
+
+    def at(self, point):
+        phase = (1.0 + 0.02 * point[0]) * self.rows.time
+        return np.sin(phase) + point[1], np.column_stack([0.02 * self.rows.time * np.cos(phase), np.ones(phase.size)])
+
+    def look(self, points):
+        self.looks += 1
+        return np.column_stack([50.0 * (self._measured - self.at(point)[0]) for point in points])
+
+    def evaluate(self, point, near=None):
+        if self.failing and 0.0 < abs(point[0]) < 1.5:
+            raise EquilibriumError("no rest")
+        predicted, slopes = self.at(point)
+        self.evaluations.append(Evaluation(point, 50.0 * (self._measured - predicted), -50.0 * slopes))
+        return self.evaluations[-1]
+
+
+def solved_by(predictor):
+    prior = predictor.evaluate(np.zeros(len(predictor.parameters)))
+    return solve(predictor, check(predictor.parameters, prior, predictor.rows), prior)
+
+
 def solved(jacobian, measured, **options):
-    linear = Linear(jacobian, measured, **options)
-    prior = linear.evaluate(np.zeros(jacobian.shape[1]))
-    return solve(linear, check(linear.parameters, prior, linear.rows), prior)
+    return solved_by(Linear(jacobian, measured, **options))
+
+
+SWING_TIMES = 0.5 * np.arange(400)  # s
+
+
+@pytest.mark.parametrize("failing", [False, True], ids=["wrong minimum", "no rest on the way"])
+def test_a_search_that_ends_where_sensors_do_not_fit_starts_again_from_elsewhere(failing):
+    swing = Swing(np.sin((1.0 + 0.02 * 2.2) * SWING_TIMES) + 0.3)
+    swing.failing = failing
+    found = solved_by(swing)
+    assert [one.value for one in found.estimates] == pytest.approx([2.2, 0.3], abs=1e-3)
+    assert (found.misfits, found.done, swing.looks) == ((), True, 1)
+    assert found.starts > 1
+
+
+def test_a_search_that_fits_looks_nowhere_else_and_one_that_fits_from_nowhere_is_not_done():
+    near = Swing(np.sin((1.0 + 0.02 * 0.3) * SWING_TIMES) + 0.3)
+    assert (solved_by(near).starts, near.looks) == (1, 0)
+    other = Swing(np.sign(np.sin((1.0 + 0.02 * 0.3) * SWING_TIMES)))
+    found = solved_by(other)
+    assert [one.sensor for one in found.misfits] == ["sensor"]
+    assert found.converged
+    assert not found.done
+
+
+def test_starting_points_go_through_payloads_and_leave_errors_of_sensors_where_they_are():
+    parameters = [
+        Parameter(PAYLOAD, "kg", 6400.0, 1920.0, 0.0, 6400.0),
+        Parameter(DAMPING, "s", 0.004, 0.003, 8e-5, 0.022),
+        Parameter("sensors.load_end.bias", "N", 0.0, 1.0, -6.0, 6.0, "load_end", "bias"),
+    ]
+    bounds = np.array([-10.0 / 3.0, -1.3, -6.0]), np.array([0.0, 6.0, 6.0])
+    found = np.array([-2.0, 0.5, 3.0])
+    near, far = starting_points(parameters, [0, 1, 2], bounds, found)
+    for points, origin in ((near, found), (far, np.zeros(3))):
+        assert ((points != origin).sum(axis=1) == 1).all()
+        assert (points[:, 2] == origin[2]).all()
+        assert ((bounds[0] <= points) & (points <= bounds[1])).all()
+    assert np.ptp(far[:, 0]) == pytest.approx(10.0 / 3.0)  # from empty to full
+    assert any(np.array_equal(point, [-2.0, 0.0, 0.0]) for point in far)
 
 
 def test_the_check_names_what_is_not_felt_and_what_is_told_together_only():
@@ -174,6 +242,64 @@ def test_known_truth_comes_back_and_the_same_command_goes_on(bags, tmp_path, cap
     again = capsys.readouterr()
     assert again.out == first.out
     assert f"goes on with {found['evaluations']} evaluations" in again.err
+
+
+def test_a_run_that_does_not_fit_is_no_success_and_its_line_says_so(bags, tmp_path, capsys):
+    """The payload of the plant is another one than that of the scenario, and not free."""
+    command = [str(bags["trip"]), "--scenario", "aerial_tramway", *COARSE, "--free", ROLLING]
+    command += ["--output", str(tmp_path)]
+    assert main(command) == 1
+    first = capsys.readouterr()
+    (line,) = re.findall(r"calibrate: the run does not fit.*", first.err)
+    assert re.search(
+        r"from any of \d starting points: values and intervals are not to be trusted; residuals: given .*force_cabin "
+        r"\S+.* standard deviations; allowed: 1.5 or less$",
+        line,
+    )
+    found = json.loads((tmp_path / "calibration.json").read_text())
+    assert found["converged"] is False
+    assert "force_cabin" in found["do_not_fit"]
+    assert (tmp_path / "calibrated.yaml").exists()
+    assert main(command) == 1
+    assert capsys.readouterr().out == first.out
+
+
+def test_a_look_at_points_leaves_out_those_without_a_rest(bags, tmp_path):
+    """And is else what an evaluation at the point has as residuals."""
+    options = parser().parse_args(
+        [str(bags["trip"]), "--scenario", "aerial_tramway", *COARSE, "--free", f"cable.axial_stiffness,{BIAS}"]
+    )
+    predictor = prepare(options).predictor
+    points = np.array([[0.0, 0.0], [-5.9, 0.0], [0.3, 2.0]])  # 55 MN: the counterweight sinks to its stop
+    residuals = predictor.look(points)
+    assert np.isposinf(residuals[:, 1]).all()
+    for row in (0, 2):
+        np.testing.assert_allclose(residuals[:, row], predictor.evaluate(points[row]).residuals, atol=1e-6)
+
+
+@pytest.mark.long
+def test_half_a_payload_is_found_from_the_full_one_with_the_right_stiffness(tmp_path):
+    """From 6400 kg the search ends first with half of the stiffness, at residuals of 3 standard deviations."""
+    truth = {PAYLOAD: 2500.0, "cable.axial_stiffness": 520e6, "cable.mass_per_length": 24.6}
+    script = tmp_path / "trip.yaml"
+    script.write_text(
+        "- {time: 1, name: cabin, speed: 8.0}\n- {time: 40, event: emergency_stop}\n"
+        "- {time: 60, event: release}\n- {time: 61, name: cabin, speed: -6.0}\n",
+        encoding="utf-8",
+    )
+    values = [part for key, value in truth.items() for part in ("--set", f"{key}={value}")]
+    command = ["aerial_tramway", *values, "--script", str(script), "--duration", "100", "--log", str(tmp_path / "bag")]
+    assert plant.main(command) == 0
+    (bag,) = (tmp_path / "bag").iterdir()
+    keys = ",".join([*truth, DAMPING, ROLLING, MASS])
+    assert main([str(bag), "--scenario", "aerial_tramway", "--free", keys, "--output", str(tmp_path / "out")]) == 0
+    found = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    for one in found["parameters"]:
+        if one["key"] in truth:
+            assert one["low"] < truth[one["key"]] < one["high"]
+            assert one["value"] == pytest.approx(truth[one["key"]], rel=2e-3)
+    assert found["starting_points"] > 1
+    assert found["converged"]
 
 
 def test_a_run_that_never_moved_says_what_it_cannot_give(bags, tmp_path, capsys):

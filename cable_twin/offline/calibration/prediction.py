@@ -284,8 +284,8 @@ class Predictor:
             for applied in due.get(clock, ()):
                 ensemble.apply(applied.command)
             share(clock * step)
-        for rows in found if lost else ():
-            rows[:, sorted(lost)] = 0.0
+        for rows in found:
+            rows[:, sorted(lost or ())] = 0.0
         return [_at(one.times, step, rows) for one, rows in zip(package.series, found, strict=True)]
 
     def _fault(self, ensemble: Ensemble, package: Package, values: FloatArray) -> CalibrationError:

@@ -120,7 +120,11 @@ def solve(
 
     # of a long run phases of swings fit nowhere but near what is to be found
     shorts = [short for seconds in HORIZONS if (short := predictor.first(seconds)) is not None]
-    at, converged = _descent(predictor, shorts, told, prior.point)
+    failure: EquilibriumError | CalibrationError | None = None
+    try:
+        at, converged = _descent(predictor, shorts, told, prior.point)
+    except (EquilibriumError, CalibrationError) as error:  # no step from where it was leads to a rest
+        at, converged, failure = prior, False, error
     for _ in range(ROUNDS):
         if not (misfits := [one for one in _fits(predictor.rows, prior, at) if one.after > MISFIT]):
             break
@@ -133,7 +137,9 @@ def solve(
         starts += tried
         if better is None:
             break
-        at, converged = better
+        (at, converged), failure = better, None
+    if failure is not None:
+        raise failure
     return _solution(predictor, told, prior, at, converged=converged, starts=starts)
 
 
