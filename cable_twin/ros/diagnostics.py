@@ -30,6 +30,7 @@ from cable_twin.messages.figure_messages import OK, WARNING
 from cable_twin.recording.run import Run
 from cable_twin.runtime.following import LiveFollowing
 from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.outlook import LiveOutlook
 from cable_twin.runtime.output import Output
 from cable_twin.runtime.run_clock import RunClock
 from cable_twin.runtime.watches import PaceWatch, RecordingWatch
@@ -61,6 +62,7 @@ class Diagnostics:
     Attributes:
         counts: numbers of applied and refused commands, and of set and refused parameters.
         following: plant that the twin follows; None where it follows none.
+        outlook: publisher of outlooks; None without any.
         recording: watch of the recorder.
         pace: watch of the pace.
     """
@@ -77,6 +79,8 @@ class Diagnostics:
     ) -> None:
         self.counts = dict.fromkeys(("commands_applied", "commands_refused", "parameters_set", "parameters_refused"), 0)
         self.following: LiveFollowing | None = None
+        self.outlook: LiveOutlook | None = None
+        self._outlook_late = False  # as told in the log
         self.recording = RecordingWatch(node.get_logger())
         self.pace = PaceWatch(node.get_logger(), clock, loop, real_time=real_time)
         self._node, self._simulation, self._loop, self._output, self._clock = node, simulation, loop, output, clock
@@ -99,6 +103,8 @@ class Diagnostics:
         if self.following is not None:
             well, text, values = self.following.status()
             tasks["following"] = OK if well else WARNING, text, values
+        if self.outlook is not None:
+            tasks["outlook"] = self._of_outlook(self.outlook)
         node, scenario = self._node.get_fully_qualified_name().lstrip("/"), self._simulation.scenario.name
         statuses = [
             Status(level, f"{node}: {task}", message, values, scenario)
@@ -109,6 +115,14 @@ class Diagnostics:
             (DIAGNOSTICS, diagnostics_message(stamp_ns, *statuses)),
         ]
         self._output.send(messages, stamp_ns)
+
+    def _of_outlook(self, outlook: LiveOutlook) -> TaskStatus:
+        """Status of the outlook; one that gets late is logged."""
+        well, text, values = outlook.status()
+        if not well and not self._outlook_late:
+            self._node.get_logger().warning(f"outlook: {text}")
+        self._outlook_late = not well
+        return OK if well else WARNING, text, values
 
     def _pace(self, statistics: Mapping[str, float]) -> TaskStatus:
         """Status of the real-time pace: whether frames come on time."""

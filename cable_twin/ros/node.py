@@ -216,7 +216,7 @@ class TwinNode(Node):
         self._endpoints.warn_of_unknown()
         self.status = StatusLine(self.simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
         self.loading = WorldLoading(self, self._loop, self._check, self.get_parameter("scenario").value)
-        self._outlook = self._make_outlook() if self._settings["outlook"] else None
+        self._outlook = self._diagnostics.outlook = self._make_outlook() if self._settings["outlook"] else None
         self._plant = self._follow() if self._settings["follow"] else None
         self._create_services()
         self.emergency = emergency or EmergencyStop(self, arguments)

@@ -6,6 +6,7 @@ priority. Where that takes longer than the period, the next outlook is later; ea
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
@@ -17,6 +18,7 @@ from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import FullState
 
+LATE, STARTS = 10.0, 60.0  # s that an outlook may take, and the first one, whose process starts, without a warning
 FIRST = 3.0  # s after the start until the process is started: a start has other things to do
 
 
@@ -83,14 +85,28 @@ class LiveOutlook(Companion):
         self._options = {"scenario": simulation.scenario.resolved(), "horizon": horizon, "gust": gust}
         self._warned: set[str] = set()
         self._last: tuple[float, bytes] | None = None  # time (s) and state of the last question
+        self._asked: float | None = None  # s on the steady clock, of the question that waits for its answer
+        self._found = math.nan, 0.0  # s, simulated time of the last outlook, and s by the clock that it took
         super().__init__("runtime.outlook_process", FIRST)
 
     def ended(self) -> None:
         """Tell that the process has ended by itself."""
+        self._found, self._asked = (math.nan, 0.0), None
         self._warn(f"outlook: its process has ended; another one begins in {AGAIN:g} s")
+
+    def status(self) -> tuple[bool, str, dict[str, str]]:
+        """Status of the outlook for the diagnostics: whether it comes in time, a message, and values."""
+        (at, took), asked = self._found, self._asked
+        waits = 0.0 if asked is None else time.monotonic() - asked
+        values = {"time_s": f"{at:.3f}", "took_s": f"{took:.1f}", "waits_s": f"{waits:.1f}"}
+        if max(took, waits) > (STARTS if math.isnan(at) else LATE):
+            text = f"an outlook takes {max(took, waits):.0f} s, as this machine is too slow beside the twin"
+            return False, f"{text}: a shorter outlook_horizon takes less", values
+        return True, "starts" if math.isnan(at) else f"looks ahead from {at:.1f} s", values
 
     def talk(self, questions: IO[bytes], answers: IO[bytes]) -> None:
         """Send the twin's state to the process every period and publish the returned outlook, until either ends."""
+        self._found, self._asked = (math.nan, 0.0), time.monotonic()
         send(questions, self._options)
         while not self.stopping.is_set():
             begun = time.monotonic()
@@ -100,10 +116,12 @@ class LiveOutlook(Companion):
             question = Question.of(full, self._stamp_ns(full.time), begun)
             now = question.time, question.blocks[0]
             if self._last != now and not self._passing():  # else it stands still, as while paused
+                self._asked = begun if self._asked is None else self._asked
                 send(questions, question)
                 answer = receive(answers)
                 if answer is None:
                     return
+                self._found, self._asked = (answer.time, time.monotonic() - self._asked), None
                 self._last = now
                 self._take(answer)
             self.stopping.wait(max(begun + self._period - time.monotonic(), 0.0))

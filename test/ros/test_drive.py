@@ -81,6 +81,21 @@ def test_it_moves_the_cabin_for_a_while_and_stops_it(twin, drive):
     assert line.rstrip().endswith("kN")
 
 
+@pytest.mark.parametrize(
+    ("what", "line"),
+    [
+        ("figures", r"rope tension, highest: [\d.]+ kN at .*"),
+        ("state", r"cable_twin: solver: .*, [a-z_]+ [\d.e-]+.*"),
+    ],
+)
+def test_it_shows_what_a_twin_publishes(twin, drive, what, line):
+    process = drive("--show", what)
+    assert finish(twin, process) == 0, process.output
+    first, *lines = process.output.splitlines()
+    assert re.fullmatch(r"(/diagnostics|/cable_twin/key_figures), stamped [\d.]+ s", first)
+    assert any(re.fullmatch(line, one) for one in lines), lines
+
+
 def test_its_line_fits_a_terminal(running, twin):
     process, _ = running
     reader, writer = pty.openpty()
@@ -227,7 +242,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, quick_twin):
         (
             ["cabin"],
             "one of the arguments --speed --force --payload --wind --temperature --emergency-stop --release --reset "
-            "--pause --resume --snapshot --step --to --load --list is required",
+            "--pause --resume --snapshot --step --to --load --list --show is required",
         ),
     ],
 )

@@ -25,8 +25,8 @@ COARSE = {"cable.elements": {"target": 20.0, "at_towers": 6.0, "growth": 1.7}}  
 
 
 @pytest.mark.parametrize("passing", [[True, True, False], [False]])
-def test_no_outlook_begins_while_a_speed_will_not_last(passing):
-    """The process ends with its first question; the state is looked at until one may be asked."""
+def test_no_outlook_begins_while_a_speed_will_not_last(passing, monkeypatch):
+    """The process ends with its first question; the state is looked at until one may be asked, and the answer late."""
     simulation, captured, answers = Simulation(load_scenario("aerial_tramway", COARSE)), [], iter(passing)
 
     def capture():
@@ -52,6 +52,12 @@ def test_no_outlook_begins_while_a_speed_will_not_last(passing):
     assert isinstance(receive(questions), Question)
     assert receive(questions) is None
     assert len(captured) == len(passing)
+    assert outlook.status()[:2] == (True, "starts")
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + 65.0)
+    well, said, _ = outlook.status()
+    assert not well
+    assert said.startswith("an outlook takes 65 s, as this machine is too slow beside the twin")
 
 
 @pytest.mark.parametrize(("behind", "well", "said"), [(4.0, True, "follows"), (19.0, False, "19 s behind the plant")])

@@ -15,6 +15,7 @@ from rich.status import Status
 
 from cable_twin.basics.printable import printable_lines
 from cable_twin.frame.commands import KINDS, Kind
+from cable_twin.ros.client.shown import SHOWN, show
 from cable_twin.ros.client.twin_client import TwinClient, TwinError, list_twins
 from cable_twin.ros.startup import Ending, prepare_middleware, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, faults_reported, number, whole_number
@@ -49,6 +50,7 @@ examples:
   drive --snapshot
   drive --load gondola                   the same twin with another scenario; also the path of a YAML file
   drive --list                           the twins of this domain
+  drive --show figures                   also state, outlook, and estimate of a twin that follows its plant
   drive cabin --speed 5 --ros-args -r __ns:=/b \\
         -r /b/cable_twin/joint_commands:=/b/desk
 """
@@ -58,7 +60,8 @@ drive [-h] [--node NODE] [--wait S] ... and one of
        drive NAME (--payload KG | --to PLACE [--at-most M/S])
        drive (--wind M/S [M/S ...] | --temperature DEGC)
        drive (--emergency-stop | --release | --reset | --pause | --resume)
-       drive (--step N | --snapshot | --load SCENARIO | --list)"""
+       drive (--step N | --snapshot | --load SCENARIO | --list)
+       drive --show {state,figures,outlook,estimate}"""
 
 
 def parser() -> OneLineParser:
@@ -88,6 +91,7 @@ def parser() -> OneLineParser:
     )
     what.add_argument("--load", metavar="SCENARIO", help="start another scenario in the running twin, with new logs")
     what.add_argument("--list", action="store_true", help="list the twins of this ROS domain with their state")
+    what.add_argument("--show", choices=[*SHOWN], help="print what the twin publishes next of these, and end")
     result.add_argument(
         "--at-most",
         type=any_number,
@@ -223,6 +227,11 @@ def _request(node: Any, kind: Kind | None, options: argparse.Namespace, ending: 
         if not lines:
             wait = options.wait
             raise TwinError(f"no twin found after {wait:g} s: is `sim` running, with the same ROS_DOMAIN_ID?")
+        print(*lines, sep="\n")
+        return
+    if options.show is not None:
+        with _waiting(f"listening to {options.node}"):
+            lines = show(node, options.node, options.show, options.wait, ending)
         print(*lines, sep="\n")
         return
     client = TwinClient(node, options.node, options.wait, ending)
