@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from cable_twin.mechanics.parameters import STRONGEST_WIND
 from cable_twin.scenario.checks.fault import allowed, inner_model, locate
 from cable_twin.scenario.overrides import ALIASES, full_key
 from cable_twin.scenario.schema import Scenario
@@ -28,6 +29,7 @@ from cable_twin.scenario.sections.line import Tower
 PAGE, JSON_SCHEMA = "scenario_reference.md", "scenario.schema.json"
 NAME, NUMBER = "NAME", "N"  # in a key: a name that the file chooses, the place in a list
 NEEDED = "needed"  # for a default
+WIND = re.compile(r"air\.wind\.([xyz]|\d+)")  # components
 STEPS: dict[type | None, str] = {None: "", dict: f".{NAME}", tuple: f".{NUMBER}"}  # to the sections in a container
 MAPPING = "a mapping of names of "
 NEAREST = 3  # keys that are proposed for one that does not exist
@@ -132,7 +134,9 @@ def unit_of(key: str) -> str:
 
 
 def range_of(key: str) -> Range:
-    """Range of a scenario key by its dotted name; limits that depend on other keys are not part of it."""
+    """Range of a scenario key by its dotted name; of limits by several keys, only that of a component of the wind."""
+    if WIND.fullmatch(full_key(key)):
+        return Range(-STRONGEST_WIND, STRONGEST_WIND, without_low=False, without_high=False)
     field, _, _ = locate(tuple(full_key(key).split(".")))
     metadata = field.metadata if field is not None else []
     given = {name: [getattr(one, name, None) for one in metadata] for name in ("ge", "gt", "le", "lt")}

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 from cable_twin.basics.printable import printable
 from cable_twin.basics.units import NORMAL_95, with_unit
-from cable_twin.mechanics.parameters import STRONGEST_WIND
 from cable_twin.scenario import Scenario, ScenarioError, full_key, load_scenario, scenario_keys, value_at
 from cable_twin.scenario.builders.system import tower_friction
-from cable_twin.scenario.reference import explained, range_of
+from cable_twin.scenario.reference import WIND, explained, range_of
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.same_model import OtherModelError
 
@@ -38,7 +37,6 @@ SHARES = (
 OF_CAPACITY = 0.3  # prior standard deviation of a payload
 PAYLOAD = re.compile(r"(.*\.payload)\.(mass|from_start|from_end|on_cable|leaving\.[^.]+)")
 TOWER_FRICTION = re.compile(r"towers\.([^.]+)\.friction")
-WIND = re.compile(r"air\.wind\.([xyz]|\d+)")
 ABSOLUTE = ((r"^air\.wind\.", 5.0), (r"temperature$", 15.0), (r"\.ice", 1.0))
 
 
@@ -282,12 +280,12 @@ def _range(key: str, mean: float, resolved: Mapping[str, Any]) -> tuple[float, f
     """
     if payload := PAYLOAD.fullmatch(key):
         return 0.0, _capacity(payload[1], resolved)
+    own = range_of(key)
     if WIND.fullmatch(key):
         wind = [float(one) for one in value_at(resolved, "air.wind")]
         others = math.hypot(*wind) ** 2 - float(value_at(resolved, key)) ** 2
-        most = math.sqrt(max(STRONGEST_WIND**2 - others, 0.0))
+        most = math.sqrt(max(own.high**2 - others, 0.0))
         return -most, most
-    own = range_of(key)
     low = own.low + NARROWEST * max(mean - own.low, 0.0) if own.without_low else own.low
     high = own.high - NARROWEST * max(own.high - mean, 0.0) if own.without_high else own.high
     return low, high
