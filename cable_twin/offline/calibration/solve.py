@@ -29,6 +29,7 @@ LEAST_AFTER_FAILURE = 0.1  # the same where the twin could not take the step
 MOST_EVALUATIONS, MOST_FAILED = 25, 6
 AT_BOUND = 1e-3  # prior deviations
 MISFIT = 1.5  # root mean square of residuals from which on a sensor does not fit
+MOST_ELSEWHERE = 10  # evaluations from another start on the first part of the logs; in the right valley 3 to 6 do
 OF_EACH, ROUNDS = 2, 2  # starting points of each kind from which the search starts again, looks for such points
 LOWER = 0.95  # of the cost, which another start has to reach on the first part of the logs
 FEWEST_CLUSTERS = 5
@@ -179,7 +180,7 @@ def _from_elsewhere(
         point, tried = points[row], tried + 1
         try:
             if shorts:
-                begun, _ = _from_here(rough, told, rough.evaluate(point))
+                begun, _ = _from_here(rough, told, rough.evaluate(point), MOST_ELSEWHERE)
                 if cost(begun, fine) > LOWER * here:
                     continue
                 point = begun.point
@@ -193,11 +194,13 @@ def _from_elsewhere(
     return best, tried
 
 
-def _from_here(predictor: Predictor, told: Sequence[int], at: Evaluation) -> tuple[Evaluation, bool]:
+def _from_here(
+    predictor: Predictor, told: Sequence[int], at: Evaluation, most: int = MOST_EVALUATIONS
+) -> tuple[Evaluation, bool]:
     """Minimise the calibration cost of averaged, then of all residuals; returns best evaluation, whether converged."""
     rows = predictor.rows
     at, _ = _search(predictor, told, at, Means(rows, SLOW), roughly=True)
-    return _search(predictor, told, at, Means(rows, 0.0))
+    return _search(predictor, told, at, Means(rows, 0.0), most)
 
 
 class Means:
@@ -230,12 +233,18 @@ class Means:
 
 
 def _search(
-    predictor: Predictor, told: Sequence[int], at: Evaluation, means: Means, *, roughly: bool = False
+    predictor: Predictor,
+    told: Sequence[int],
+    at: Evaluation,
+    means: Means,
+    most: int = MOST_EVALUATIONS,
+    *,
+    roughly: bool = False,
 ) -> tuple[Evaluation, bool]:
     """Minimise the cost of a calibration from an evaluation on; returns the best evaluation and whether converged."""
     low, high = (side[told] for side in predictor.bounds)
     point, damping, first, failed, taken = at.point.copy(), 0.0, len(predictor.evaluations), 0, 0
-    while taken < MOST_ROUGH if roughly else len(predictor.evaluations) < first + MOST_EVALUATIONS:
+    while taken < MOST_ROUGH if roughly else len(predictor.evaluations) < first + most:
         step, size = _step(at, means, told, damping, (low - point[told], high - point[told]))
         if size < (NEAR if roughly else NO_STEP):
             return at, True
