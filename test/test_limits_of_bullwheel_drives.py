@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cable_twin.frame.layout import Layout
+from cable_twin.messages import JOINT_REFERENCES, MessageEncoder, decode
 from cable_twin.scenario import load_scenario, most_by_drive
 from cable_twin.simulation import Simulation
 
@@ -94,3 +95,23 @@ def test_the_limit_of_commands_is_the_lower_one_of_drive_and_friction():
     free, own = load_scenario("chairlift"), load_scenario("chairlift", {f"{LIMITS}.force": 20e3})
     assert most_by_drive(own, "haul_rope") == 20e3 < most_by_drive(free, "haul_rope")
     assert Layout.of(own, 2).drive_limits.tolist() == [20e3]
+
+
+@pytest.mark.parametrize(("lift", "mass"), [("chairlift", 16e3), ("gondola", 25e3)])
+def test_the_share_of_the_limit_in_use_goes_by_the_present_tensions(lift, mass):
+    """Of a rope with little tension, which slips below what may be commanded: slack strand times (e^(mu alpha) - 1)."""
+    changes = {"sheaves.drive.friction": 0.12, "sheaves.return.counterweight.mass": mass}
+    twin, sheave = Simulation(load_scenario(lift, changes)), "drive"
+    wheel = twin.scenario.sheaves[sheave]
+    for _ in range(2):
+        columns = twin.snapshot.columns
+        slack = columns.sheave_tension[twin.layout.sheaves.index(sheave)].min()
+        slips = slack * (np.exp(wheel.friction * wheel.wrap) - 1.0)
+        share = abs(columns.moving_cable_force[0]) / slips
+        assert twin.layout.force_used(columns).item() == pytest.approx(share, rel=1e-12)
+        ((_, data),) = MessageEncoder(twin.layout).frame(twin.snapshot, [JOINT_REFERENCES])
+        message = decode(data, "sensor_msgs/msg/JointState")
+        row = message.name.index("haul_rope/limit")
+        assert (message.position[row], message.effort[row]) == pytest.approx((share, slips), rel=1e-12)
+        twin.command("haul_rope", speed=2.0)
+        twin.advance_to(2.0)

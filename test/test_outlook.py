@@ -11,6 +11,7 @@ from cable_twin.ensemble.outlook import LOOK
 from cable_twin.frame.records import CommandError
 from cable_twin.key_figures import KeyFigures
 from cable_twin.key_figures.outlook import ANNOUNCED, AS_COMMANDED, EMERGENCY_STOP
+from cable_twin.messages.figure_messages import outlook_statuses
 
 GUST = Command("gust", {"x": 5.0, "z": 0.0, "duration": 1.0})
 DRIVEN = {"cabin": 3.0, "haul_rope": 2.0}  # m/s
@@ -63,6 +64,13 @@ def test_a_limit_is_warned_of_before_it_is_passed():
     assert line.startswith("emergency stop: cabin: swing along the track: ")
     assert f"allowed: at most 1.719 deg, violated no later than {passed:.2f} s (scenario: limits.swing)" in line
     assert line in twin.outlook(horizon=3.0).warnings
+
+
+def test_an_outlook_that_comes_too_late_to_warn_says_so():
+    outlook = under_way(TRAMWAY).outlook(horizon=3.0)
+    soon, late = (outlook_statuses(outlook, age)[0] for age in (0.5, 2.0))
+    assert late.level == 1
+    assert late.message == f"{soon.message}; 2 s old, of a horizon of 3 s"
 
 
 def test_a_future_that_cannot_be_says_why():

@@ -18,6 +18,7 @@ from cable_twin.scenario import Scenario, most_by_drive
 
 IntArray = NDArray[np.int64]
 COLUMNS = declared(Columns)  # name, shape, unit of each
+SLACKEST = 1.0  # N, tension of a strand below which what its bullwheel transfers is as with this one
 ENDS = ("start", "end")  # the first two supports of every rope
 CABLE = "cable"  # name of the only rope
 COMMANDED = ("nothing", "force", "speed", "emergency stop")  # by the number in `command_kind`
@@ -51,8 +52,9 @@ class Layout:
         rope_supports: rows of the supports of each rope.
         tensioned: names of the bullwheels with a tensioning device.
         arms: (drives,) m, radius of the bullwheel of each drive.
-        drive_limits: (drives,) N, highest force of each, or that at which the rope slips on its bullwheel; NaN of a
-            moving cable.
+        drive_limits: (drives,) N, highest force of each, by its drive and by what its rope may bear; NaN of a moving
+            cable.
+        drive_sheaves: (drives,) number of the bullwheel of each drive; 0 of a moving cable.
         drive_powers: (drives,) W, highest power of each, inf without a limit.
         grips: (sheaves,) friction times wrap of each bullwheel: highest logarithm of the ratio of its tensions.
         laterals: m by name, offset to the left of each rope and of its vehicles in views of a planar system.
@@ -141,7 +143,7 @@ class Layout:
         self.vehicle_ropes = np.zeros(len(self.vehicles), dtype=np.int64)
         self.tensioned: tuple[str, ...] = ()
         self.arms, self.grips = np.full(len(self.drives), np.nan), np.full(len(self.sheaves), np.nan)
-        self.drive_limits = np.full(len(self.drives), np.nan)
+        self.drive_limits, self.drive_sheaves = np.full(len(self.drives), np.nan), np.zeros(len(self.drives), np.intp)
         self.drive_powers = np.full(len(self.drives), np.inf)
         self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
         self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
@@ -175,9 +177,10 @@ class Layout:
         wheels = scenario.sheaves
         layout.arms[:] = [wheels[one.sheave].radius if one.sheave else np.nan for one in scenario.drives.values()]
         layout.tensioned = tuple(name for name, wheel in wheels.items() if wheel.tensioning)
-        layout.drive_limits[:] = [
-            most_by_drive(scenario, name) if one.sheave else np.nan for name, one in scenario.drives.items()
-        ]
+        for row, (name, drive) in enumerate(scenario.drives.items()):
+            if drive.sheave:
+                layout.drive_limits[row] = most_by_drive(scenario, name)
+                layout.drive_sheaves[row] = layout.sheaves.index(drive.sheave)
         layout.drive_powers[:] = [one.limits.power or np.inf for one in scenario.drives.values()]
         layout.grips[:] = [wheel.friction * wheel.wrap for wheel in wheels.values()]
         for row, (name, own) in enumerate(zip(names, alone, strict=True) if layout.several else ()):
@@ -227,11 +230,22 @@ class Layout:
         rows = [self.vehicle_rows[name] for name in self.commanded if name in self.vehicle_rows]
         return np.concatenate([of_carriages[..., rows], of_drives], axis=-1)
 
+    def slip_forces(self, c: Columns) -> FloatArray:
+        """Forces (..., drives) in N above which the rope slips on driven bullwheels; inf of drives without one.
+
+        By the present tension of the slacker strand, of which one below 1 N counts as that.
+        """
+        if not self.sheaves:
+            return np.full_like(c.drive_speed, inf)
+        slack = np.maximum(c.sheave_tension[..., self.drive_sheaves, :].min(axis=-1), SLACKEST)
+        return np.where(np.isnan(self.drive_limits), inf, np.expm1(self.grips[self.drive_sheaves]) * slack)
+
     def force_used(self, c: Columns) -> FloatArray:
         """Utilisation (..., names) of the force limits of commanded objects: 1 in saturation, NaN without a limit."""
         share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit
         force, speed = np.abs(c.moving_cable_force), np.abs(c.drive_speed)
-        return self.of_commanded(share, np.maximum(force / self.drive_limits, force * speed / self.drive_powers))
+        share_of_drive = np.maximum(force / self.drive_limits, force * speed / self.drive_powers)
+        return self.of_commanded(share, np.maximum(share_of_drive, force / self.slip_forces(c)))
 
     @cached_property
     def places(self) -> Columns:

@@ -12,6 +12,7 @@ from cable_twin.messages import Status, diagnostics_message
 
 OK, WARNING = 0, 1  # levels of diagnostics
 LONGEST_TEXT = 1000  # characters of what a bag says of a figure
+OLD = 0.25  # of its horizon, from which on an outlook is too old to warn in time
 
 
 def figure_statuses(figures: Iterable[KeyFigure]) -> list[Status]:
@@ -44,7 +45,9 @@ def outlook_statuses(outlook: Outlook, age: float) -> list[Status]:
     values |= {one.name: one.fault or one.assumed for one in outlook.futures}
     count = counted(len(warnings), "limit")
     whole = f"{count} would be passed" if warnings else "no limit would be passed"
-    found = [Status(WARNING if warnings else OK, "outlook", whole, values)]
+    old = age > OLD * outlook.horizon
+    whole += f"; {age:.0f} s old, of a horizon of {outlook.horizon:g} s" if old else ""
+    found = [Status(WARNING if warnings or old else OK, "outlook", whole, values)]
     for future in outlook.futures:
         for one in future.figures:
             passed = {"passed_s": repr(float(future.passed[one.id]))} if one.id in future.passed else {}

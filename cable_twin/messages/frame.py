@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.stores import ros2_jazzy
 
+from cable_twin.frame.layout import SLACKEST
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout, Snapshot
 from cable_twin.messages.cdr import STAMP, Header, Template, marks, nanoseconds, serialize, time_of
@@ -396,7 +397,8 @@ class ReferencesMessage:
     (N); without a ramp, the actual place and speed. NAME/command has the kind of the command (by its number
     in `COMMANDED`) as position, the commanded speed (m/s) and force (N). NAME/limit has the share of the force limit in
     use as position (1 in saturation) and the limit (N) as effort; both are 0 where there is no limit. The limit of a
-    bullwheel's drive is the least of its limits of force and power and the force at which the rope slips on the wheel.
+    bullwheel's drive is the least of its limits of force and power, the highest force that it takes as a command, and
+    the force at which the rope slips on the wheel with its present tensions.
 
     Args:
         header: of the message.
@@ -418,10 +420,19 @@ class ReferencesMessage:
             if name in layout.vehicle_rows
         ]
         first = len(layout.commanded) - len(layout.drives)
-        self._on_bullwheels = [  # of drives: limits of force and power, places of force and speed
-            (first + row, limit, power, int(columns.moving_cable_force[row]), int(columns.drive_speed[row]))
-            for row, (limit, power) in enumerate(
-                zip(layout.drive_limits.tolist(), layout.drive_powers.tolist(), strict=True)
+        grips = np.expm1(layout.grips).tolist()
+        self._on_bullwheels = [  # of drives: limits of force and power, places of force and speed; grip, its tensions
+            (
+                (first + row, limit, power, int(columns.moving_cable_force[row]), int(columns.drive_speed[row])),
+                (grips[wheel], *map(int, columns.sheave_tension[wheel])),
+            )
+            for row, (limit, power, wheel) in enumerate(
+                zip(
+                    layout.drive_limits.tolist(),
+                    layout.drive_powers.tolist(),
+                    layout.drive_sheaves.tolist(),
+                    strict=True,
+                )
             )
             if limit > 0.0
         ]
@@ -434,9 +445,10 @@ class ReferencesMessage:
         for number, limit, force in self._limited:
             if (most := frame.item(limit)) > 0.0:  # there is one
                 shown[0, number, 2], shown[2, number, 2] = abs(frame.item(force)) / most, most
-        for number, limit, power, force, speed in self._on_bullwheels:
+        for (number, limit, power, force, speed), (grip, on, off) in self._on_bullwheels:
             pace = abs(frame.item(speed))
-            most = min(limit, power / pace) if pace > 0.0 else limit
+            slips = grip * max(min(frame.item(on), frame.item(off)), SLACKEST)
+            most = min(limit, slips, power / pace if pace > 0.0 else limit)
             shown[0, number, 2], shown[2, number, 2] = abs(frame.item(force)) / most, most
         return self._template.fill(stamp_ns)
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from cable_twin.basics.printable import LONGEST_MESSAGE, printable
-from cable_twin.messages import DIAGNOSTICS, ESTIMATE, KEY_FIGURES, OUTLOOK
-from cable_twin.ros.client.twin_client import TwinError, spin_until
+from cable_twin.ros.client.twin_client import DIAGNOSTICS, TwinError, spin_until
 from cable_twin.ros.startup import Ending
 
-# what `drive --show` prints: topic, and what makes a twin publish it
+# what `drive --show` prints: topic, and what makes a twin publish it; `messages` has the names too, and takes long
 SHOWN = {
     "state": (DIAGNOSTICS, "always"),
-    "figures": (KEY_FIGURES, "always"),
-    "outlook": (OUTLOOK, "unless --outlook false"),
-    "estimate": (ESTIMATE, "with `sim --follow`, as soon as the twin follows its plant"),
+    "figures": ("key_figures", "always"),
+    "outlook": ("outlook", "unless --outlook false"),
+    "estimate": ("estimate", "with `sim --follow`, as soon as the twin follows its plant"),
 }
 
 
