@@ -124,12 +124,17 @@ def test_a_cable_that_stands_still_has_no_such_force():
     assert not np.any(tangent)
 
 
-def test_kinetic_energy_is_that_of_the_velocity_of_the_cable():
-    """½∫ρA |r_t + v r_x|² dx by quadrature less the part of r_t alone."""
+@pytest.mark.parametrize("apart", [0.0, 1.5])
+def test_kinetic_energy_is_that_of_the_velocity_of_the_cable(apart):
+    """½∫ρA |r_t + u r_x|² dx by quadrature less that of r_t alone; u linear between ends of other speeds, by elements."""
     system, state, _ = moving_system()
+    state.rope.velocity[1] += apart
     r_t, weights = fields(system, state.nodes.velocity, shape_functions)
     r_x, _ = fields(system, state.nodes.position, shape_functions_x)
-    whole = np.sum(weights[:, None] * (r_t + state.rope.velocity[0] * r_x) ** 2) - np.sum(weights[:, None] * r_t**2)
+    cable, speed = system.cable, state.rope.velocity
+    middles = np.cumsum(cable.element_length) - 0.5 * cable.element_length
+    u = speed[0] + (speed[1] - speed[0]) * np.repeat(middles, gauss()[0].size)[:, None] / cable.unstrained_length
+    whole = np.sum(weights[:, None] * (r_t + u * r_x) ** 2) - np.sum(weights[:, None] * r_t**2)
     assert flow_energy(system.cable, state) == pytest.approx(0.5 * system.cable.mass_per_length * whole, rel=1e-12)
 
 

@@ -6,17 +6,29 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.simd import WIDTH, gather, gather_numbers, sum_of_lanes
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import dot, scale, subtract
-from cable_twin.mechanics.rope.ale import nodal_vectors, rest_stretch
+from cable_twin.mechanics.rope.ale import between_ends, nodal_vectors, rest_stretch
 from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
 from cable_twin.mechanics.rope.shape_functions import FLOW_OF_CHORD, SLOPE_OF_CHORD, combine
 
 
 @kernel
 def flow_energy(cable, state):
-    """Kinetic energy (J) of axial rope motion beyond ½ ∫ρA λ r_t² ds, with the transport velocity u at mid-rope."""
-    along, squared, _, _ = flow_integrals(cable, state)
-    speed = 0.5 * (state.rope.velocity[0] + state.rope.velocity[1])
-    return speed * along + 0.5 * speed * speed * squared / rest_stretch(cable, state)
+    """Kinetic energy (J) of axial rope motion beyond ½ ∫ρA λ r_t² ds: ∫ρA (u r_x·r_t + ½ u² r_x·r_x / λ) dx.
+
+    The transport velocity u is that at the middle of each element, as in `flow_factors`.
+    """
+    like, stretch, found = cable.gravity, rest_stretch(cable, state), 0.0
+    for element in range(cable.element_count):
+        length = state.mesh.length[element]
+        place = nodal_vectors(state.nodes.position, element, like)
+        rate = nodal_vectors(state.nodes.velocity, element, like)
+        if beside_load(cable, state, element):
+            found_at_rest = motion_at_rest(cable, state, element, state.nodes.acceleration, state.joints.acceleration)
+            place, rate = found_at_rest[0], found_at_rest[1]
+        by_velocity, squared, _, _ = flow_products(length, place, rate, rate)
+        speed = between_ends(cable, state.rope.velocity, state.mesh.arc_length[element] + 0.5 * length)
+        found += speed * by_velocity + 0.5 * speed * speed * squared / stretch
+    return cable.mass_per_length * found
 
 
 @kernel
