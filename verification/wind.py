@@ -145,11 +145,33 @@ def turbulence() -> Iterator[Result]:
         yield Result(f"{name}: coherence over 10 m, 0.02 to 0.06 Hz", "-", float(expected), float(cross / own), 0.08)
 
 
+@case("turbulence between its points", "IEC 61400-1, annex B: spectrum and variance as at the points", needs_jit=True)
+def between_points() -> Iterator[Result]:
+    """Points 50 m apart, length scale 60 m: a straight line between two has half of the variance in the middle."""
+    step, count = 0.05, 2**16
+    turbulent = {"intensity": 0.15, "length_scale": 60.0, "seed": 7, "points": 3}
+    shares = np.array([0.125, 0.25, 0.375, 0.5])
+    places = np.array([[50.0 * share, 0.0, 40.0] for share in (*shares, *(1.0 + shares))])
+    found = winds(line({"drag_area": 5.0}, turbulence=turbulent), places, step, count)[..., 1] - SPEED
+    density, deviation = components(Turbulence(**turbulent))[0], 0.15 * SPEED
+    every = deviation**2 * float(np.trapezoid(density(np.linspace(0.0, 0.7, 200_001)), dx=0.7 / 200_000))
+    spectrum = (np.abs(np.fft.rfft(found, axis=0)) ** 2 * 2.0 * step / count).reshape(-1, 2, shares.size)
+    variances, frequencies = found.var(axis=0).reshape(2, -1).mean(axis=0), np.fft.rfftfreq(count, step)
+    for share, variance, own in zip(shares, variances, np.moveaxis(spectrum, 2, 0), strict=True):
+        yield Result(f"variance at {share:g} of the way", "m²/s²", every, float(variance), 0.1 * every)
+        ratios = []
+        for low, high in pairwise(np.geomspace(0.06, 2.0, 4)):  # where neighbours hardly have anything in common
+            band = (frequencies >= low) & (frequencies < high)
+            ratios.append(float(own[band].mean() / (deviation**2 * density(frequencies[band] / SPEED) / SPEED).mean()))
+        worst = max(ratios, key=lambda ratio: abs(ratio - 1.0))
+        yield Result(f"spectrum at {share:g} of the way, worst band over its own", "-", 1.0, worst, 0.1)
+
+
 @case("bits of turbulence", "the same samples from a seed on every machine; what goes by comes later downwind")
 def bits() -> Iterator[Result]:
     """A fingerprint of the samples, and the wind along a line 100 m downwind."""
     turbulent = {"intensity": 0.15, "length_scale": 60.0, "seed": 7, "points": 11}
-    table = build_system(load_scenario(line({"drag_area": 5.0}, turbulence=turbulent))).air.wind.turbulence
+    table = build_system(load_scenario(line({"drag_area": 5.0}, turbulence=turbulent))).air.wind.turbulence[:11]
     got = sha256(table.tobytes()).hexdigest()[:8]
     yield Result("first bits of the samples of seed 7", "-", float(int(SEED_7, 16)), float(int(got, 16)), 0.0)
     data = line({"drag_area": 5.0}, turbulence=turbulent) | {"air": {"wind": [10.0, 0.0, 0.0], "turbulence": turbulent}}

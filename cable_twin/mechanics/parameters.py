@@ -228,7 +228,9 @@ class Wind(NamedTuple):
     ground_step: float  # m
     gusts: FloatArray  # (gusts, 6): x, y, z in m/s, start and duration in s, shape: ONE_COSINE or OPERATING_GUST
     intensity: float  # -, standard deviation along the wind over its mean speed; 0: no turbulence
-    turbulence: FloatArray  # (points, samples, 3): along the wind, to its left and up, for a deviation of 1 along it
+    # (2 points, samples, 3): along the wind, to its left and up, for a deviation of 1 along it: at the points, and what
+    # a straight line between neighbours lacks in the middle
+    turbulence: FloatArray
     sample_spacing: float  # m of wind path from sample to sample; the first follows the last
     points: FloatArray  # (points, 3) m, evenly from start to end of the cable
     shedding: FloatArray  # (bodies, 2): eddies per metre of wind path, kg/m of their force; (0, 2) without shedding
@@ -246,7 +248,7 @@ STEADY = Wind(
     ground_step=1.0,
     gusts=np.zeros((0, 6)),
     intensity=0.0,
-    turbulence=np.zeros((1, 1, 3)),
+    turbulence=np.zeros((2, 1, 3)),
     sample_spacing=1.0,
     points=np.zeros((1, 3)),
     shedding=np.zeros((0, 2)),

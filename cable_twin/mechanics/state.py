@@ -84,7 +84,7 @@ class WindField(NamedTuple):
     gust: Annotated[
         FloatArray, Of(6), ANY, ANY, ANY, ANY, ANY, Range(0, len(GUSTS) - 1)
     ]  # the last one that was commanded, as in `Wind.gusts`
-    points: Annotated[FloatArray, Of("wind point", 3, unit="m/s")]  # turbulence in x, y, z at the points of `Wind`
+    points: Annotated[FloatArray, Of("wind point", 3, unit="m/s")]  # turbulence in x, y, z by row of `Wind.turbulence`
     along_rope: Annotated[FloatArray, Of("dim", "lane", unit="m/s")]  # in the middle of each element
     at_bodies: Annotated[FloatArray, Of("body", "dim", unit="m/s")]  # at each centre of mass
     shedding_phase: Annotated[FloatArray, Of("body", unit="rad")]  # of the eddies that each sheds
@@ -294,7 +294,7 @@ def sizes_of(system: System) -> dict[str, int]:
         "tower": system.towers.top.shape[0],
         "contact": system.towers.stiffness.size,
         "pair": system.buffers.other.size,  # of vehicles that may push each other
-        "wind point": system.air.wind.points.shape[0],
+        "wind point": system.air.wind.turbulence.shape[0],
         "dim": dim,
         "turn": turns,  # angles of a body
         "rate": dim + turns,

@@ -295,7 +295,12 @@ class TwinNode(Node):
         drives = f"drive: {', '.join(scenario.drives)}; " if scenario.drives else ""
         self.get_logger().info(
             f"'{scenario.name}' runs at {1.0 / self._loop.frame_period:g} Hz{start}; {drives}"
-            f"carriages: {', '.join(names)}; commands on {self._endpoints.names.full(JOINT_COMMANDS)}"
+            f"carriages: {', '.join(names) or 'none'}; "
+            + (
+                f"commands on {self._endpoints.names.full(JOINT_COMMANDS)}"
+                if self.simulation.layout.commanded
+                else "nothing takes commands"
+            )
         )
 
     def stop(self) -> None:
@@ -386,7 +391,7 @@ class TwinNode(Node):
         """Set the epoch at the first start of simulated time; after a pause, report the delay of stamps."""
         if first:
             self._begin()
-        self._diagnostics.pace.log_start(self.simulation.time)
+        self._diagnostics.pace.log_start(self.simulation.time, first=first)
 
     def _begin(self) -> None:
         """Set the epoch and publish the first frame, once, before time runs and before any change of the twin."""

@@ -43,12 +43,17 @@ class PointToPoint:
         at_most: highest speed (m/s); None for the limit of the drive.
 
     Raises:
-        ValueError: neither the drive nor `at_most` limits the speed; the message is one line.
+        ValueError: neither the drive nor `at_most` limits the speed, or that is 0; the message is one line.
     """
 
     def __init__(self, scenario: Scenario, name: str, target: float, at_most: float | None) -> None:
         drive = scenario.drives.get(name)
         limits = drive.limits if drive is not None else scenario.carriages[name].drive.limits
+        if at_most == 0.0:
+            raise ValueError(
+                f"speed of '{name}': given 0 m/s; allowed: the highest speed of the trip, above 0, or NaN or no "
+                "velocity at all for that of its drive"
+            )
         fastest = at_most or limits.speed
         if not fastest:
             allowed = "the highest speed of the trip, in m/s, as its drive has no limit"

@@ -103,13 +103,13 @@ class PaceWatch:
         self._logger, self._clock, self._loop, self._real_time = logger, clock, loop, real_time
         self._behind = False
 
-    def log_start(self, simulated_time: float) -> None:
-        """Log the lag of time stamps behind the clock where simulated time (s) continues after a pause."""
+    def log_start(self, simulated_time: float, *, first: bool) -> None:
+        """Log the lag of time stamps behind the clock where simulated time (s) starts, or continues after a pause."""
         behind = self._clock.behind(simulated_time)
         if self._real_time and behind > LAG:
             self._logger.info(
-                f"simulated time continues at {simulated_time:.3f} s after a pause; from now on time stamps are "
-                f"{behind:.3f} s behind the clock"
+                f"simulated time {'starts' if first else 'continues'} at {simulated_time:.3f} s"
+                f"{'' if first else ' after a pause'}; from now on time stamps are {behind:.3f} s behind the clock"
             )
 
     def check(self) -> dict[str, str]:

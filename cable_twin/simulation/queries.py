@@ -116,20 +116,22 @@ class Queries:
         return self._modes(count)[0]
 
     def mode_shapes(self, count: int, arc_lengths: FloatArray) -> FloatArray:
-        """Shapes (count, n, 3) of the lowest natural modes at unstrained arc lengths (n,) in m, largest entry 1.
+        """Shapes (count, n, 3) of the lowest natural modes at unstrained arc lengths (n,) in m.
+
+        The largest component of the displacement of a node is 1, wherever the shapes are looked at.
 
         Raises:
-            ValueError: when there are fewer.
+            ValueError: when there are fewer modes, several ropes, or no such place on the rope.
         """
         _, shapes = self._modes(count)
-        arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")
+        _, arc_lengths = self._places(None, arc_lengths)
         result = np.empty((count, arc_lengths.size, 3))
         places = places_on(self._ropeway.system.cable, self._ropeway.state, arc_lengths)
         for shape, positions in zip(shapes, result, strict=True):
             nodes = self._ropeway.state.nodes._replace(position=np.ascontiguousarray(shape))
             mode = self._ropeway.state._replace(nodes=nodes)
             sample_positions(self._ropeway.system.cable, mode, places, positions)
-        return result / np.abs(result).max(axis=(1, 2), keepdims=True)
+        return result / np.abs(shapes[:, :, 0]).max(axis=(1, 2))[:, None, None]
 
     def _modes(self, count: int) -> tuple[FloatArray, FloatArray]:
         from cable_twin.mechanics.solution.modes import natural_modes  # noqa: PLC0415 - sparse solvers, for no start
@@ -162,9 +164,11 @@ class Queries:
         """Ropeway of a rope, and checked arc lengths (m) on it, as a writable copy for kernels.
 
         Raises:
-            ValueError: there is no such rope, or it has no such place.
+            ValueError: there is no such rope, it has no such place, or the places are no list of numbers.
         """
         part, places = self._part(rope), np.array(arc_lengths, dtype=np.float64, order="C")
+        if places.ndim != 1:
+            raise ValueError(f"arc lengths: given {places.ndim} dimensions; allowed: one, a list of numbers in m")
         length = part.system.cable.unstrained_length
         off = places[~((places >= -LEAST * length) & (places <= (1.0 + LEAST) * length))]
         if off.size:

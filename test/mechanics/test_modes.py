@@ -112,6 +112,19 @@ def test_modes_solve_equation_16(spring, space):
         assert alike == pytest.approx(1.0, abs=1e-4)
 
 
+def test_shapes_are_the_same_wherever_they_are_looked_at():
+    """Also at a node of a mode, where rounding was blown up to 1, and at an end; places off the rope are refused."""
+    simulation = Simulation(loaded_span(elements=24, **{"carriages.one.joint": "fixed"}))
+    everywhere = np.linspace(0.0, 101.0, 24 * 4 + 1)
+    whole = simulation.mode_shapes(3, everywhere)
+    assert np.abs(whole).max(axis=(1, 2)) == pytest.approx(1.0, abs=0.01)
+    for row in (0, 17, 48):
+        np.testing.assert_allclose(simulation.mode_shapes(3, everywhere[[row]])[:, 0], whole[:, row], atol=1e-12)
+    for given, said in (([102.0], "arc length: given 102 m"), (50.0, "arc lengths: given 0 dimensions")):
+        with pytest.raises(ValueError, match=said):
+            simulation.mode_shapes(3, given)
+
+
 def test_both_ways_of_solving_agree(monkeypatch):
     """All eigenvalues at once against the lowest few by iteration: to 1e-8, shapes to 1e-6."""
     simulation = Simulation(loaded_span(elements=24, **{"carriages.one.joint": "fixed"}))

@@ -126,7 +126,7 @@ def test_a_cable_that_stands_still_has_no_such_force():
 
 @pytest.mark.parametrize("apart", [0.0, 1.5])
 def test_kinetic_energy_is_that_of_the_velocity_of_the_cable(apart):
-    """½∫ρA |r_t + u r_x|² dx by quadrature less that of r_t alone; u linear between ends of other speeds, by elements."""
+    """½∫ρA |r_t + u r_x|² dx by quadrature less that of r_t alone; u by elements, between ends of other speeds."""
     system, state, _ = moving_system()
     state.rope.velocity[1] += apart
     r_t, weights = fields(system, state.nodes.velocity, shape_functions)

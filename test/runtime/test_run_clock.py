@@ -92,13 +92,15 @@ def test_stamps_that_a_pause_left_behind_are_told(clocks, clock):
     logger = Logger()
     watch = PaceWatch(logger, clock, Loop(), real_time=True)
     clock.begin(0.0)
-    watch.log_start(0.0)
+    watch.log_start(0.0, first=False)
     assert logger.lines == []
     clocks.run(12.5)
-    watch.log_start(0.0)
+    watch.log_start(0.0, first=False)
     (line,) = logger.lines
     assert "from now on time stamps are 12.500 s behind the clock" in line
-    PaceWatch(logger, clock, Loop(), real_time=False).log_start(0.0)  # faster or slower, they go their own way
+    PaceWatch(logger, clock, Loop(), real_time=False).log_start(
+        0.0, first=False
+    )  # faster or slower, they go their own way
     assert len(logger.lines) == 1
 
 

@@ -120,10 +120,13 @@ def wind_at(wind, field, place, even):
         share = share_of_line(wind, place) * last
         first = min(int(share), last - 1) if last > 0 and share > 0.0 else 0  # what is no number is at the first
         share, after = share - first, min(first + 1, last)
-        here, there = field.points[first], field.points[after]
-        x += here[0] + share * (there[0] - here[0])
-        y += here[1] + share * (there[1] - here[1])
-        z += here[2] + share * (there[2] - here[2])
+        # and what the straight line lacks, most in the middle: the variance is that at the points
+        middle = 4.0 * share * (1.0 - share)
+        for row, weight in ((0, 1.0), (last + 1, middle * sqrt(middle))):
+            here, there = field.points[row + first], field.points[row + after]
+            x += weight * (here[0] + share * (there[0] - here[0]))
+            y += weight * (here[1] + share * (there[1] - here[1]))
+            z += weight * (here[2] + share * (there[2] - here[2]))
     return x, y, z
 
 
@@ -149,13 +152,13 @@ def share_of_line(wind, place):
 
 @kernel
 def update_turbulence(wind, field, mean):
-    """Write the turbulence at all its points in a mean wind (3,) in m/s, delayed with the distance downwind."""
+    """Write all rows of turbulence in a mean wind (3,) in m/s, delayed with the distance of their points downwind."""
     flat = hypot(mean[0], mean[1])
     speed = hypot(flat, mean[2])
     ahead = (mean[0] / flat, mean[1] / flat) if flat > 0.0 else (1.0, 0.0)
     deviation, samples = wind.intensity * speed, wind.turbulence.shape[1]
-    for point in range(wind.points.shape[0]):
-        behind = 0.0
+    for row in range(wind.turbulence.shape[0]):
+        point, behind = row % wind.points.shape[0], 0.0
         for axis in range(3):
             if speed > 0.0:
                 behind += (wind.points[point, axis] - wind.points[0, axis]) * mean[axis] / speed
@@ -172,11 +175,11 @@ def update_turbulence(wind, field, mean):
         first = int(whole) - 1
         u, v, w = 0.0, 0.0, 0.0
         for number in range(4):
-            sample = wind.turbulence[point, (first + number) % samples]
+            sample = wind.turbulence[row, (first + number) % samples]
             u, v, w = u + weights[number] * sample[0], v + weights[number] * sample[1], w + weights[number] * sample[2]
-        field.points[point, 0] = deviation * (u * ahead[0] - v * ahead[1])
-        field.points[point, 1] = deviation * (u * ahead[1] + v * ahead[0])
-        field.points[point, 2] = deviation * w
+        field.points[row, 0] = deviation * (u * ahead[0] - v * ahead[1])
+        field.points[row, 1] = deviation * (u * ahead[1] + v * ahead[0])
+        field.points[row, 2] = deviation * w
 
 
 @kernel

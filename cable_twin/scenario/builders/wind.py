@@ -78,8 +78,9 @@ def make_turbulence(
     """Generate turbulence samples at points from a start to an end (3,) in m, in a wind (3,) of given direction.
 
     Returns:
-        Points (points, 3) in m; samples (points, SAMPLES, 3) at them for a deviation of 1 m/s along the wind, across it
-        and upwards, of which the first follows the last; their spacing in m.
+        Points (points, 3) in m; samples (2 points, SAMPLES, 3) at them for a deviation of 1 m/s along the wind, across
+        it and upwards, of which the first follows the last, and of what a straight line to the next point lacks in the
+        middle; their spacing in m.
     """
     points = np.linspace(start, end, turbulence.points)
     spacing = turbulence.length_scale / PER_LENGTH
@@ -98,7 +99,11 @@ def make_turbulence(
         )  # for points without distance across the wind
         waves[:, part] = np.einsum("kij,ckj->cki", np.linalg.cholesky(matrix), waves[:, part])
     spectra = np.stack([_amplitudes(spectrum, k, step) for spectrum in components(turbulence)])
-    return points, _summed(spectra[:, :, None] * waves), spacing
+    waves *= spectra[:, :, None]
+    # the mean of two points with the coherence c has the share (1 + c) / 2 of their variance
+    alike = coherence(turbulence, k, across[0, min(1, len(points) - 1)].reshape(1))
+    lacks = waves * (np.sqrt(2.0 / (1.0 + alike)) - 1.0)
+    return points, np.concatenate([_summed(waves), _summed(lacks)]), spacing
 
 
 def _amplitudes(spectrum: Callable[[FloatArray], FloatArray], k: FloatArray, step: float) -> FloatArray:
