@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import test_loads
+from small_tramway import TRAMWAY
 from test_moving_cable_twin import short_lift
 
 from cable_twin.frame.layout import CABLE, Layout
@@ -261,3 +262,15 @@ def test_a_snapshot_cannot_be_written():
     for numbers in (snapshot.numbers, snapshot.columns.speed, snapshot.cable.positions, snapshot.bodies.position):
         with pytest.raises(ValueError, match="read-only"):
             numbers[:] = 0.0
+
+
+def test_a_sample_is_where_a_weight_hangs():
+    """Sag is largest there; the samples stay in order, those at the ends where they are."""
+    loads = [{"arc_length": place, "force": [0.0, -500.0]} for place in (0.001, 30.3, 30.4)]
+    scenario = load_scenario(TRAMWAY, {"cable.loads": [*loads, {"arc_length": 60.1, "force": [0.0, 500.0]}]})
+    places = Layout.of(scenario, 200).arc_lengths
+    even = np.linspace(0.0, scenario.cable.unstrained_length, 200)
+    assert np.flatnonzero(places != even).size == (2 if round(30.3 / even[1]) != round(30.4 / even[1]) else 1)
+    assert 30.3 in places
+    assert np.all(np.diff(places) > 0.0)
+    assert Layout.of(scenario, 2).arc_lengths.tolist() == [0.0, scenario.cable.unstrained_length]

@@ -15,6 +15,7 @@ from cable_twin.frame.records import FloatArray
 from cable_twin.mechanics.language.declared import declared
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.scenario import Scenario, most_by_drive
+from cable_twin.scenario.sections.line import Cable
 
 IntArray = NDArray[np.int64]
 COLUMNS = declared(Columns)  # name, shape, unit of each
@@ -159,7 +160,7 @@ class Layout:
             {name: tuple(vehicle.bodies) for name, vehicle in scenario.vehicles.items()},
             [name for own in supports for name in own],
             tuple(scenario.drives),
-            np.concatenate([np.linspace(0.0, one.cable.unstrained_length, samples) for one in alone]),
+            np.concatenate([_sample_places(one.cable, samples) for one in alone]),
             carriers=0 if scenario.carriers is None else scenario.carriers.count,
             hauled=[n for n, one in scenario.carriages.items() if one.drive.haul_rope is not None or one.clamped_to],
             towers=[name for own in supports for name in own[len(ENDS) :]],
@@ -271,3 +272,18 @@ def numbered(names: Iterable[str]) -> dict[str, int]:
 
 
 __all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "Layout", "numbered"]
+
+
+def _sample_places(cable: Cable, samples: int) -> FloatArray:
+    """Arc lengths (samples,) in m of the samples of a rope: even, but for those next to weights on it, which are there.
+
+    Sag is largest and clearance least at a weight.
+    """
+    places = np.linspace(0.0, cable.unstrained_length, samples)
+    taken = {0, samples - 1}
+    for load in cable.loads:
+        row = round(load.arc_length / cable.unstrained_length * (samples - 1))
+        if load.force[-1] < 0.0 and row not in taken:
+            taken.add(row)
+            places[row] = load.arc_length
+    return places

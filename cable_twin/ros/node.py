@@ -322,7 +322,10 @@ class TwinNode(Node):
             self._output.run.close()
             waiting.cancel()
             self._diagnostics.recording.check()
-            self.get_logger().info(f"log closed: {self._output.run.directory}")
+            ended = (
+                "; it is not whole: " + self._diagnostics.recording.fault if self._diagnostics.recording.fault else ""
+            )
+            self.get_logger().info(f"log closed: {self._output.run.directory}{ended}")
         if self._held_name is not None:
             self._held_name.close()
 

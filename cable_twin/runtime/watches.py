@@ -137,7 +137,7 @@ class RecordingWatch:
     """Watch of the recorder: logs each fault, a slow disk and its recovery once; checked about once a second.
 
     Attributes:
-        fault: message of the newest fault, empty without one.
+        fault: messages of the faults so far, empty without one.
     """
 
     def __init__(self, logger: Any, recorder: Recorder | None = None, frame_time: float = 0.0, fault: str = "") -> None:
@@ -162,8 +162,10 @@ class RecordingWatch:
         if self._recorder is None:
             return
         while self._recorder.faults:
-            self.fault = self._recorder.faults.pop(0)
-            self._logger.error(self.fault)
+            fault = self._recorder.faults.pop(0)
+            if fault not in self.fault:  # all of them stay in the diagnostics, as a log that has ended
+                self.fault = "; ".join(filter(None, (self.fault, fault)))
+            self._logger.error(fault)
         waiting = self._recorder.backlog * self._frame_time
         if not self._behind and waiting > BEHIND:
             self._behind = True

@@ -165,7 +165,9 @@ def test_disk_that_fills_up_is_told_and_the_twin_goes_on(quick_twin):
     )
     sim, participant = quick_twin(command=[sys.executable, "-c", code])
     participant.until(lambda: participant.received["/diagnostics"] and participant.diagnostics[0] == 2)
-    assert "recording: log stopped" in participant.diagnostics[1] or "view stopped" in participant.diagnostics[1]
+    participant.until(
+        lambda: "recording: log stopped" in participant.diagnostics[1], what="the end of the log, for good"
+    )
     sim.wait_for("recording: log stopped")
     count = len(participant.received["joint_states"])
     participant.until(lambda: len(participant.received["joint_states"]) > count + 50)
