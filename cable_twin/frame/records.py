@@ -306,7 +306,10 @@ class SolverReport:
 
 @dataclass(frozen=True, slots=True)
 class Energy:
-    """Mechanical energy (J) of the cable and its vehicles; gravitational energy is zero at z = 0."""
+    """Mechanical energy (J) of the cable and its vehicles; gravitational energy is zero at z = 0.
+
+    Without a potential of constant loads on the rope, whose work is work from outside.
+    """
 
     kinetic: float
     elastic: float
