@@ -146,6 +146,7 @@ class Towers(NamedTuple):
     left: FloatArray  # (towers, dim) in space: unit vectors across the grooves to the left of the track
     derailment_ratio: FloatArray  # (towers,) -, lateral over normal force of a whole tower at which the rope derails
     groove_height: FloatArray  # (towers,) m, lift at which the rope has left its grooves
+    at_bends: bool = False  # contacts touch sharp bends of the rope at loads too, see `on_rope.tower`
 
 
 @by_reference

@@ -23,7 +23,7 @@ from cable_twin.mechanics.solution.bundle.bullwheels import update_end_tensions
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.couplings import give_forces
 from cable_twin.mechanics.solution.bundle.records import BundleState, Wires
-from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_near, settle_together, without_friction
+from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_near, without_friction
 from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
 from cable_twin.mechanics.solution.relaxation import relax, store_equilibrium, watching_relaxation
 from cable_twin.mechanics.solution.stepping import integrator_named
@@ -37,6 +37,7 @@ from cable_twin.scenario.builders.bundle import (
     build_ropes,
     clamped_pairs,
 )
+from cable_twin.simulation.common_rest import CommonRest
 from cable_twin.simulation.loop import Loop, LoopLayout
 from cable_twin.simulation.rope_couplings import (
     along_track,
@@ -280,10 +281,7 @@ class Engine:
                 self._smooth[row] = part.system, pack(without_friction(part.system))
             self._ropes.put(row, self._smooth[row][1])
         longest = max(rope.unstrained_length for rope in self._scenario.cables.values())
-        elements = sum(len(part.state.nodes.position) - 1 for part in self.parts)
-
-        def settle() -> None:
-            settle_together(self._ropes, SLACKEST_REST * longest, elements, near=self._near)
+        settle = CommonRest(self._ropes, self.parts, SLACKEST_REST * longest, near=self._near)
 
         def settle_fixed() -> None:
             with self._rollers_fixed():

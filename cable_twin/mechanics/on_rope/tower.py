@@ -31,8 +31,18 @@ from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.ale import rope_before
 from cable_twin.mechanics.rope.following_nodes import at_place
-from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
-from cable_twin.mechanics.rope.point import bend, interpolate, point_at, point_on, slope, value
+from cable_twin.mechanics.rope.patch import beside_load, follows, motion_at_rest
+from cable_twin.mechanics.rope.point import (
+    AFTER,
+    BEFORE,
+    R,
+    bend,
+    interpolate,
+    point_at,
+    point_on,
+    slope,
+    value,
+)
 from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tangent
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
@@ -177,6 +187,8 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         work.contact_element[contact] = point.element if touching else -1
         if not touching:
             continue
+        if cable.load_nodes and towers.at_bends and add_at_bend(cable, towers, state, contact, stiffness_factor, work):
+            continue
         r_x, apart, normal, depth, moving = frame_at(cable, towers, state, contact, point)
         rate = -dot(normal, moving)
         work.contact_depth[contact, 0], work.contact_depth[contact, 1] = depth, rate
@@ -228,6 +240,57 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         share = stiffness_factor / pivot
         by_slope = outer(share, force, r_x), outer(share, force, apart)
         add_point_tangent(whole, by_place, by_slope, point, stiffness_factor, state, work)
+
+
+@kernel
+def add_at_bend(cable, towers, state, contact, stiffness_factor, work):
+    """Add force and tangent of a tower contact that touches the rope at its sharp bend at a load, at rest.
+
+    The normal is at right angles to a mean of both slopes there, of which r - p has no part. It turns with r, as
+    ∂n/∂r = -t tᵀ / depth, so that the contact holds the bend like a spring along the rope too.
+
+    Args:
+        cable: of the rope.
+        towers: parameters.
+        state: in which the arc length of the contact becomes that of the bend.
+        contact: row of the contact; the element on which it touches is in `work`.
+        stiffness_factor: as in `assemble`.
+        work: takes force and tangent.
+
+    Returns:
+        Whether it touches a bend; else nothing is added.
+    """
+    like, element = cable.gravity, work.contact_element[contact]
+    place, nodes = load(towers.position[contact], like), state.nodes.position
+    for node in range(max(element, 1), min(element + 2, cable.element_count)):
+        before, after = load(nodes[node, BEFORE], like), load(nodes[node, AFTER], like)
+        apart = subtract(load(nodes[node, R], like), place)
+        nearer, farther = dot(apart, before), dot(apart, after)
+        if not follows(state, node) or nearer > 0.0 or farther < 0.0 or farther == nearer:
+            continue
+        share = farther / (farther - nearer)
+        r_x, still = add_scaled(share, before, scale(1.0 - share, after)), scale(0.0, apart)
+        side = load(towers.normal[contact], like)
+        across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
+        normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)
+        depth = depth_in_groove(towers, state, contact, -dot(apart, normal), like)
+        n, n_by_depth, _ = normal_force(towers, contact, depth, 0.0)
+        state.contact_arc_length[contact] = state.mesh.arc_length[node]
+        if n == 0.0:
+            return True
+        point = point_on(state, node - 1, state.mesh.arc_length[node])
+        groove, rub = towers.groove[contact], towers.groove_friction[contact]
+        whole = with_groove(scale(n, normal), groove * n, rub * n, r_x, normal, apart, still)
+        add_point_load(whole, point, state, work)
+        if stiffness_factor != 0.0:
+            pushed = with_groove(normal, groove, rub, r_x, normal, apart, still)
+            turned = outer(stiffness_factor * n / (depth * dot(r_x, r_x)), r_x, r_x)
+            held = add_scaled(1.0, turned, groove_tangent(stiffness_factor * groove * n, 0.0, r_x, normal, still))
+            by_r = add_scaled(1.0, outer(stiffness_factor * n_by_depth, pushed, normal), held)
+            nothing = outer(0.0, apart, apart)
+            add_point_tangent(whole, (by_r, nothing), (nothing, nothing), point, stiffness_factor, state, work)
+        return True
+    return False
 
 
 @kernel

@@ -307,6 +307,14 @@ def without_friction(system: System) -> System:
     )
 
 
+def touching_bends(system: System) -> System:
+    """Copy of the system parameters with towers that touch the rope's sharp bends at loads as well (`on_rope.tower`).
+
+    Only searches for rests that else fail use it: steps do without, as inertia holds a load on a contact.
+    """
+    return system._replace(towers=system.towers._replace(at_bends=True))
+
+
 def without_stops(system: System) -> System:
     """Copy of the system parameters without travel limits of counterweights."""
     weights = system.counterweights
@@ -353,6 +361,11 @@ def settle(system: System, state: State, work: Workspace) -> None:
     if used >= MAX_RELAXATIONS:
         tolerance = COARSE * cable.unstrained_length
         used, increment = stiffen(smooth, state, work, tolerance)
+    if used >= MAX_RELAXATIONS and system.towers.stiffness.size:
+        lay_cable(system, state)
+        again, left = settled(touching_bends(smooth), state, work, tolerance)
+        if again < MAX_RELAXATIONS:
+            used, increment = again, left
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "
