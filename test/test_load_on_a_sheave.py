@@ -1,0 +1,38 @@
+"""Rests of lifts whose carriers stand on a sheave of a tower, where the rope has a sharp bend."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from verification import JIT
+
+THICK = {"mass_per_length": 56.885, "axial_stiffness": 587.005e6, "bending_stiffness": 274664.0, "diameter": 0.123}
+pytestmark = pytest.mark.skipif(not JIT, reason="minutes without compilation")
+
+
+def thick(length, first, mass=48.0e3):
+    """Gondola with a rope of 123 mm, `length` (m) of each strand, the first cabin at `first` (m), mass in kg."""
+    rope = {**THICK, "breaking_force": 9561530.0, "unstrained_length": length}
+    changes = {f"ropes.{strand}.{key}": value for strand in ("up", "down") for key, value in rope.items()}
+    changes |= {"carriers.first": first, "sheaves.return.counterweight.mass": mass}
+    return Simulation(load_scenario("gondola", changes), on_demand=True)
+
+
+@pytest.mark.parametrize(
+    ("length", "first", "mass"),
+    [
+        pytest.param(1254.97, 35.02, 48299.0, id="strand by itself"),
+        pytest.param(1256.05, 87.17, 48372.0, id="strands over their bullwheels"),
+    ],
+)
+def test_a_lift_rests_with_a_cabin_on_a_sheave(length, first, mass):
+    """Its forces are those of the cabins half a metre farther, and nothing jumps when it begins to run."""
+    lift, beside = thick(length, first, mass), thick(length, first + 0.5, mass)
+    tensions = [one.snapshot.cable.tensions for one in (lift, beside)]
+    assert tensions[0] == pytest.approx(tensions[1], rel=0.01)
+    before = lift.state.nodes.position.copy()
+    lift.advance_to(0.5)
+    assert np.abs(lift.state.nodes.position[:, 0] - before[:, 0]).max() < 2e-3
