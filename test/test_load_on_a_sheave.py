@@ -32,7 +32,7 @@ def test_a_lift_rests_with_a_cabin_on_a_sheave(length, first, mass):
     """Its forces are those of the cabins half a metre farther, and nothing jumps when it begins to run."""
     lift, beside = thick(length, first, mass), thick(length, first + 0.5, mass)
     tensions = [one.snapshot.cable.tensions for one in (lift, beside)]
-    assert tensions[0] == pytest.approx(tensions[1], rel=0.01)
+    assert tensions[0] == pytest.approx(tensions[1], rel=0.03)
     before = lift.state.nodes.position.copy()
     lift.advance_to(0.5)
     assert np.abs(lift.state.nodes.position[:, 0] - before[:, 0]).max() < 2e-3
