@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple, cast
 
@@ -23,6 +24,7 @@ from cable_twin.mechanics.solution.bundle.bullwheels import update_end_tensions
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.couplings import give_forces
 from cable_twin.mechanics.solution.bundle.records import BundleState, Wires
+from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_near, without_friction
 from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
 from cable_twin.mechanics.solution.relaxation import relax, store_equilibrium, watching_relaxation
@@ -37,7 +39,7 @@ from cable_twin.scenario.builders.bundle import (
     build_ropes,
     clamped_pairs,
 )
-from cable_twin.simulation.common_rest import CommonRest
+from cable_twin.simulation.common_rest import CommonRest, rolling_far, settle_fixed, settle_softly
 from cable_twin.simulation.loop import Loop, LoopLayout
 from cable_twin.simulation.rope_couplings import (
     along_track,
@@ -280,31 +282,30 @@ class Engine:
             if self._smooth.get(row, (None, None))[0] is not part.system:
                 self._smooth[row] = part.system, pack(without_friction(part.system))
             self._ropes.put(row, self._smooth[row][1])
-        longest = max(rope.unstrained_length for rope in self._scenario.cables.values())
-        settle = CommonRest(self._ropes, self.parts, SLACKEST_REST * longest, near=self._near)
-
-        def settle_fixed() -> None:
-            with self._rollers_fixed():
-                settle()
-
-        rolls = self.bundle.connectors.rolls.any() and not self._near
-        if self._scenario.sheaves:
-            self.loop.settle(settle, settle_fixed if rolls else None, near=self._near)
-        else:
-            if rolls:
-                settle_fixed()
-            settle()
-
-    @contextmanager
-    def _rollers_fixed(self) -> Iterator[None]:
-        """Fix the rollers of connectors to their nodes: from far away they find their places along the ropes badly."""
-        rolls = self.bundle.connectors.rolls
-        rolling = rolls.copy()
-        rolls[:] = 0
+        tolerance = SLACKEST_REST * max(rope.unstrained_length for rope in self._scenario.cables.values())
+        connectors = self.bundle.connectors
+        if self._near or not connectors.rolls.any():
+            self._search(CommonRest(self._ropes, self.parts, tolerance, near=self._near))
+            return
+        laid = Kept(*self._states), clone(self.moving)
+        settle = CommonRest(self._ropes, self.parts, tolerance, may_touch=False)
         try:
-            yield
-        finally:
-            rolls[:] = rolling
+            self._search(settle, partial(settle_fixed, connectors, settle), explain=False)
+        except EquilibriumError:
+            write(laid[0], self._states[0])
+            write(laid[1], self.moving)
+            settle = CommonRest(self._ropes, self.parts, tolerance)
+            with rolling_far(connectors):
+                self._search(settle, partial(settle_softly, connectors, settle))
+
+    def _search(self, settle: CommonRest, roughly: Callable[[], None] | None = None, *, explain: bool = True) -> None:
+        """Find the common equilibrium by `settle`, first `roughly` where given; see `Loop.settle`."""
+        if self._scenario.sheaves:
+            self.loop.settle(settle, roughly, near=self._near, explain=explain)
+            return
+        if roughly is not None:
+            roughly()
+        settle()
 
     def _raise_pantographs(self) -> None:
         """Raise pantograph heads to their ropes, with the uplift force at their height."""

@@ -66,13 +66,14 @@ class Loop:
         self._slopes: FloatArray | None = None
         motion.drives.mode[driven] = SPEED
 
-    def settle(self, relax: Any, roughly: Any = None, *, near: bool = False) -> None:
+    def settle(self, relax: Any, roughly: Any = None, *, near: bool = False, explain: bool = True) -> None:
         """Find the equilibrium of a loop of strands; `relax` finds the equilibrium of all ropes between given ends.
 
         Args:
             relax: finds the equilibrium of all ropes between their given ends.
             roughly: does so for a system that is nearly the same and comes to rest from far away; None for none.
             near: whether the search begins at the equilibrium of similar strands.
+            explain: whether a failure is looked into, which takes another search.
 
         Raises:
             EquilibriumError: there is none, or a bullwheel cannot hold the rope by friction.
@@ -94,7 +95,7 @@ class Loop:
                     settle_loop(self._bundle.sheaves, self.motion, lengths, partial(rest, roughly), CLOSE)
                 settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
         except EquilibriumError as error:
-            if near:
+            if near or not explain:
                 raise
             write(laid, first.state)
             raise EquilibriumError(self._out_of_balance(lengths, rest) or str(error)) from None

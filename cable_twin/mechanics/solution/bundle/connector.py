@@ -42,6 +42,7 @@ from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tange
 from cable_twin.mechanics.rope.shape_functions import SLOPE
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, rope_of
 
+ROLLS_FAR = 2  # in `Connectors.rolls`: it rolls, but so far that both ends are not coupled in the tangent
 GRADUAL = 1e-3  # m, extension over which damping sets in: a pull that jumps by it would have no place to rest in a step
 MOST_TURNS, ROLLED = 20, 1e-9  # of Newton's method for the place of a roller; m, after which the next is of rounding
 LEAST_BEND = 0.2  # share of r_x² that its derivative has at least, where the rope bends around the first end
@@ -167,7 +168,7 @@ def add_connectors(bundle, moving, scratch, system, state, work, rate_factor, st
                 turns = (transpose(turned_to), of_turn if end == 1 else nothing)
                 add_point_load(force, point, here, room)
                 add_point_tangent(force, (matrix, turned_to), turns, point, stiffness_factor, here, room)
-                if end == 0 or is_taken(here, node):
+                if end == 0 or is_taken(here, node) or connectors.rolls[connector] == ROLLS_FAR:
                     coupled = 0.0
                 else:
                     lever = places[1] - own.cable.node_arc_length[node]
