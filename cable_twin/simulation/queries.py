@@ -23,6 +23,7 @@ from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.ropeway import Ropeway
 
 ROPE_POINTS = 10  # of an element, at which its clearance is taken
+SHAPE_POINTS = 32  # of an element, among which the largest displacement of a mode is looked for
 LEAST = 1e-9  # of a length, by which a place may be off the rope: rounding
 
 
@@ -118,20 +119,21 @@ class Queries:
     def mode_shapes(self, count: int, arc_lengths: FloatArray) -> FloatArray:
         """Shapes (count, n, 3) of the lowest natural modes at unstrained arc lengths (n,) in m.
 
-        The largest component of the displacement of a node is 1, wherever the shapes are looked at.
+        The largest component of the displacement on the rope is 1, wherever the shapes are looked at.
 
         Raises:
             ValueError: when there are fewer modes, several ropes, or no such place on the rope.
         """
         _, shapes = self._modes(count)
         _, arc_lengths = self._places(None, arc_lengths)
-        result = np.empty((count, arc_lengths.size, 3))
-        places = places_on(self._ropeway.system.cable, self._ropeway.state, arc_lengths)
+        cable, state = self._ropeway.system.cable, self._ropeway.state
+        whole = np.linspace(0.0, cable.unstrained_length, SHAPE_POINTS * cable.element_count + 1)
+        result = np.empty((count, arc_lengths.size + whole.size, 3))
+        places = places_on(cable, state, np.concatenate([arc_lengths, whole]))
         for shape, positions in zip(shapes, result, strict=True):
-            nodes = self._ropeway.state.nodes._replace(position=np.ascontiguousarray(shape))
-            mode = self._ropeway.state._replace(nodes=nodes)
-            sample_positions(self._ropeway.system.cable, mode, places, positions)
-        return result / np.abs(shapes[:, :, 0]).max(axis=(1, 2))[:, None, None]
+            nodes = state.nodes._replace(position=np.ascontiguousarray(shape))
+            sample_positions(cable, state._replace(nodes=nodes), places, positions)
+        return result[:, : arc_lengths.size] / np.abs(result).max(axis=(1, 2), keepdims=True)
 
     def _modes(self, count: int) -> tuple[FloatArray, FloatArray]:
         from cable_twin.mechanics.solution.modes import natural_modes  # noqa: PLC0415 - sparse solvers, for no start
