@@ -21,6 +21,10 @@ MIXED = {
     "kinds": {"chair": {"bodies": CHAIR, "payload": FULL_UP}, "gondola": {"bodies": CABIN}},
     "order": ["chair", "chair", "gondola"],
 }
+WIDE = {
+    "chair": {"bodies": {"chair": {**CHAIR["chair"], "size": [1.0, 1.5]}}},
+    "gondola": {"bodies": CABIN | {"cabin": {**CABIN["cabin"], "size": [3.0, 2.0]}}},
+}
 
 
 def lift_of(carriers):
@@ -120,6 +124,10 @@ def test_kinds_come_in_their_order_and_are_logged(tmp_path, capsys):
             "leaving.top: given 'top': no such bull",
         ),
         ({**LOADED, "payload": {**FULL_UP, "body": "roof"}}, "carriers.payload.body: given 'roof'; allowed: "),
+        (
+            {**MIXED, "kinds": WIDE, "count": 2000, "spacing": 1.9},
+            "overlap; allowed: at least 2 m, the length of a car",
+        ),
         ({**LOADED, "count": 14, "spacing": 58.47}, "of the loop are not on the cable; allowed: at least 0.25 m"),
     ],
 )

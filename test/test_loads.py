@@ -8,8 +8,8 @@ from strands import one_strand
 from test_simulation import same
 
 from cable_twin.frame.records import Command, CommandError
-from cable_twin.geometry.bodies import body_outline
 from cable_twin.scenario import load_scenario
+from cable_twin.scenario.builders.outlines import body_outline
 from cable_twin.simulation import EquilibriumError, Simulation
 
 CABIN = {"mass": 200.0, "inertia": 150.0, "upper_pivot": [0.0, 2.0], "drag_area": 3.0, "size": [2.0, 3.0]}

@@ -216,6 +216,12 @@ OF_A_LOOP = [  # some have others beside them
     ("ropes.down.start.support", "free", "ropes.down.start.support: given 'free': at a bullwheel"),
     ("ropes.alone", load_scenario("chairlift").resolved()["ropes"]["up"], "ropes.alone: given a mapping: no vehicle"),
     ("carriers.spacing", 60.0, "carriers.count: given 28: every 60 m they need 1680 m; allowed: at most "),
+    (
+        "carriers.spacing",
+        0.7,
+        "carriers.spacing: given 0.7 m: carriers overlap; allowed: at least 0.8 m, the length of",
+    ),
+    ("carriers.count", 3000, "carriers.count: given 3000: carriers overlap, every 0.55 m of"),
     (f"{RETURN}.counterweight", {**WEIGHT, "travel": [4.0, -4.0]}, "travel: given [4.0, -4.0] m; allowed"),
     (f"{RETURN}.counterweight", PUSHES, "away from the other ends of the strands, about [-0.976, -0.22]"),
     (f"{RETURN}.rollback", 0.5, "sheaves.return.rollback: given 0.5 m: no drive turns it"),

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from cable_twin.frame.snapshot import ENDS, Layout
-from cable_twin.geometry.bodies import body_box, body_outline
+from cable_twin.geometry.bodies import body_box
 from cable_twin.geometry.ground import first_rows
 from cable_twin.key_figures.figure import Subject
 from cable_twin.mechanics.language import declared
@@ -16,6 +16,7 @@ from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.declared import Of
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.scenario import Grading, Scenario, masts
+from cable_twin.scenario.builders.outlines import body_outline
 from cable_twin.scenario.builders.vehicles import stop_stroke
 from cable_twin.scenario.sections.vehicles import Body
 

@@ -15,12 +15,13 @@ from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
-from cable_twin.geometry.bodies import body_box, body_outline
+from cable_twin.geometry.bodies import body_box
 from cable_twin.geometry.bullwheel_rims import wheel_rims
 from cable_twin.geometry.ground import default_ground
 from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
 from cable_twin.scenario import Scenario
+from cable_twin.scenario.builders.outlines import body_outline
 from cable_twin.view.labels import NEAR, apart, shared_names
 from cable_twin.view.tension_colors import RopeColors
 

@@ -8,13 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.basics.units import with_unit
-from cable_twin.geometry.bodies import body_outline
 from cable_twin.mechanics.on_rope.buffer import CLOSEST
 from cable_twin.mechanics.parameters import IntArray, System, VehicleBuffers
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario, vehicle_buffer
-from cable_twin.scenario.sections.vehicles import Carriage
+from cable_twin.scenario.builders.outlines import reach_along
 
 
 class Pair(NamedTuple):
@@ -108,7 +107,7 @@ def _pairs(scenario: Scenario) -> Iterator[Pair]:
     vehicles = list(scenario.vehicles.values())
     rows = [row for row, vehicle in enumerate(vehicles) if vehicle.joint != "clamped"]
     rows.sort(key=lambda row: vehicles[row].arc_length)
-    reach = {row: _reach(vehicles[row]) for row in rows}
+    reach = {row: reach_along(vehicles[row].bodies.values()) for row in rows}
     buffers = {row: vehicle_buffer(scenario, vehicles[row], sum(reach[row])) for row in rows}
     for number, one in enumerate(rows):
         for other in rows[number + 1 :]:
@@ -124,14 +123,3 @@ def _in_series(stiffness: float, damping: float, other_stiffness: float, other_d
     both = 1.0 / (1.0 / stiffness + 1.0 / other_stiffness)
     # each yields its share of depth and rate, and takes as much power as k d c d_dot² of that
     return both, damping * (both / stiffness) ** 2 + other_damping * (both / other_stiffness) ** 2
-
-
-def _reach(carriage: Carriage) -> tuple[float, float]:
-    """Extent (m) of the bodies of a carriage from its joint, towards the start and the end of the track."""
-    low, high, pin = 0.0, 0.0, 0.0
-    for body in carriage.bodies.values():
-        centre = pin - body.upper_pivot[0]
-        outline = centre + body_outline(body)[:, 0]
-        low, high = min(low, float(outline.min())), max(high, float(outline.max()))
-        pin = centre + (body.lower_pivot or (0.0, 0.0))[0]
-    return -low, high

@@ -12,7 +12,7 @@ from hand_made_snapshot import body_in_plane, snapshot_of
 from rerun.chunk import RrdReader
 
 from cable_twin.frame.records import AppliedCommand, CableSamples, CarriageState, Command, SupportState
-from cable_twin.geometry.bodies import outline_from_pivots
+from cable_twin.scenario.builders.outlines import outline_from_pivots
 from cable_twin.view.rerun_view import RerunView
 
 SPAN, RISE, WEIGHT = 1000.0, 150.0, 60.0  # m, m, N/m

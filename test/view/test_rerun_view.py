@@ -34,7 +34,7 @@ from cable_twin.frame.records import (  # noqa: E402
     TensionAhead,
     TowerState,
 )
-from cable_twin.geometry.bodies import outline_from_pivots  # noqa: E402
+from cable_twin.scenario.builders.outlines import outline_from_pivots  # noqa: E402
 from cable_twin.view.rerun_view import RerunView  # noqa: E402
 
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"

@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 
 from cable_twin.frame.records import CableSamples, CarriageState, DriveState, SupportState
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.geometry.bodies import outline_from_pivots
+from cable_twin.scenario.builders.outlines import outline_from_pivots
 from cable_twin.view.rerun_view import RerunView
 
 CHAIRS = tuple(f"chair_{number}" for number in range(1, 13))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from math import ceil
 from re import fullmatch
 
 import numpy as np
 
 from cable_twin.basics.units import with_unit
+from cable_twin.scenario.builders.outlines import reach_along
 from cable_twin.scenario.builders.vehicles import BRAKES, inertia_tensor, stop_stroke
 from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, listed, name_faults, refuse
 from cable_twin.scenario.schema import Scenario
@@ -271,6 +273,8 @@ def _spacing(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         allowed = f"at least {ceil(length / spacing - 1e-09)}, for the cable of {length:.9g} m to fit in"
         reason = f"carriers every {spacing:.9g} m fill a loop of {loop:.9g} m"
         yield refuse((*path, "count"), carriers.count, allowed, reason)
+    else:
+        yield from _overlap(scenario, carriers)
     if carriers.first is not None and carriers.first > loop:
         yield refuse((*path, "first"), carriers.first, f"0 to {loop:.9g} m, on the loop")
     rooms = [kind.payload for kind in carriers.kinds_by_path.values() if kind.payload is not None]
@@ -280,3 +284,22 @@ def _spacing(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         allowed = f"at least {with_unit(least, 'm', 3)}, so that carriers are in a station for a moment"
         why = f"only {with_unit(hidden, 'm', 3)} of the loop are not on the cable"
         yield refuse((*path, "payload"), rooms[0], allowed, why)
+
+
+def _overlap(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
+    """Error of carriers that are nearer to each other than their bodies are long, hanging upright."""
+    order = [carriers.kinds.get(name) for name in carriers.order or tuple(carriers.kinds)] or [carriers.kind(0)]
+    if not isinstance(carriers.count, int) or carriers.count < 2 or None in order:
+        return
+    reach = [reach_along(kind.bodies.values()) for kind in order if kind is not None]
+    behind = [reach[number % len(reach)] for number in range(min(carriers.count, len(reach) + 1))]
+    length = max(one[1] + other[0] for one, other in pairwise(behind))
+    if not scenario.spacing < length:
+        return
+    if carriers.spacing is not None:
+        allowed = f"at least {with_unit(length, 'm')}, the length of a carrier"
+        yield refuse(("carriers", "spacing"), carriers.spacing, allowed, "carriers overlap")
+    else:
+        allowed = f"at most {int(scenario.loop_length / length)}, as a carrier is {with_unit(length, 'm')} long"
+        why = f"carriers overlap, every {with_unit(scenario.spacing, 'm', 3)} of the loop"
+        yield refuse(("carriers", "count"), carriers.count, allowed, why)
