@@ -167,6 +167,8 @@ IN_SPACE = [
     ("towers", {"one": {**TOWER, "groove": -1.0}}, "given -1.0 1/m; allowed: a finite number above 0, in 1/m"),
     ("carriages.cabin.bodies.cabin.roll_damping", inf, "allowed: a finite number at least 0, in N m s/rad"),
     ("carriages.cabin.bodies.cabin.turns", "ball", "given 'ball'; allowed: one of revolute, universal"),
+    ("carriages.cabin.bodies.cabin.size", [2.5, -2.0], "given [2.5, -2.0] m; allowed: a list of 2 finite numbers at l"),
+    ("carriages.cabin.bodies.cabin.size", [-2.5, 2.0], "given [-2.5, 2.0] m; allowed: a list of 2 finite numbers at l"),
     ("space", 4, "given 4; allowed: one of 2, 3, or null"),
 ]
 OF_TWO_ROPES = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from cable_twin.scenario.sections.couplings import Strand
 from cable_twin.scenario.sections.drives import Drive
@@ -81,6 +81,15 @@ class Shedding(Section):
     )
 
 
+def _not_negative(size: tuple[float, float]) -> tuple[float, float]:
+    if min(size) < 0.0:
+        raise ValueError("it is below 0")
+    return size
+
+
+Size = Annotated[Vector, AfterValidator(_not_negative)]
+
+
 class Body(Section):
     """Rigid body of a carriage; pivots are given from its centre of mass, in its own axes x, z."""
 
@@ -105,7 +114,11 @@ class Body(Section):
     roll_damping: float = quantity(
         "N m s/rad", "in space, damping of the roll against the body above, or the cable", 0.0, ge=0
     )
-    size: Vector | None = quantity("m", "width and height around the centre of mass; null: from pivots, inertia", None)
+    size: Size | None = Field(
+        default=None,
+        description="width and height around the centre of mass; null: from pivots, inertia (m)",
+        json_schema_extra={"unit": "m", "allowed": "a list of 2 finite numbers at least 0, in m, or null"},
+    )
     drag_area: Areas = Field(
         default=0.0,
         description="drag coefficient times area: of any direction, or of wind along x, y, z of the body (m^2)",
