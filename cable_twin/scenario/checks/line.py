@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import atan2, copysign, degrees, dist, hypot, nan
+from math import atan2, copysign, degrees, dist, hypot, nan, pi, sqrt
 
 import numpy as np
 
@@ -21,6 +21,7 @@ LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
 HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a position
 MOST_TURN = 60.0  # degrees in plan at a tower; sheave assemblies deflect a rope by a few, and stations by more
 ALONG = 0.9  # cosine to the rope from which on a groove opens along it
+DENSITIES = 100.0, 25e3  # kg/m^3 by the diameter; ropes of steel have about 4500 to 8500, of fibres down to 500
 DIRECTION = "a direction, not all numbers zero"
 ONLY_SPACE = "null; for scenarios in space only"
 
@@ -28,6 +29,7 @@ ONLY_SPACE = "null; for scenarios in space only"
 def line_faults(scenario: Scenario) -> Iterator[Fault]:
     """Errors in a scenario of one rope: ends, mesh, towers, loads and terrain; key paths start with `cable`."""
     yield from _dimensions(scenario)
+    yield from _density(scenario.cable)
     yield from _grading(scenario.cable)
     yield from _joint(scenario)
     yield from _supports(scenario)
@@ -65,6 +67,18 @@ def _dimensions(scenario: Scenario) -> Iterator[Fault]:
 def _unit(path: KeyPath) -> str:
     """Unit of a vector for an error message, such as " in m"; empty for a direction."""
     return {"position": " in m", "force": " in N", "wind": " in m/s"}.get(str(path[-1]), "")
+
+
+def _density(cable: Cable) -> Iterator[Fault]:
+    """Error of a rope whose mass and diameter make no rope, such as a diameter in mm."""
+    if cable.diameter is None:
+        return
+    density = cable.mass_per_length / (0.25 * pi * cable.diameter**2)
+    if density < DENSITIES[0] or density > DENSITIES[1]:
+        thick, thin = (sqrt(cable.mass_per_length / (0.25 * pi * limit)) for limit in DENSITIES)
+        allowed = f"{rounded(thin, 3)} to {rounded(thick, 3)} m, for {DENSITIES[0]:g} to {DENSITIES[1]:g} kg/m^3"
+        why = f"with the mass_per_length of {show(cable.mass_per_length, 'kg/m')} a density of {density:.3g} kg/m^3"
+        yield refuse(("cable", "diameter"), cable.diameter, allowed, why)
 
 
 def _grading(cable: Cable) -> Iterator[Fault]:
