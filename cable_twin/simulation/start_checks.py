@@ -1,4 +1,4 @@
-"""Checks of a start: compression, slack elements, element crossings in too few steps.
+"""Checks of a start: compression, slack elements, spans of few elements, element crossings in too few steps.
 
 A rope without bending stiffness under compression is in an unstable equilibrium and is refused; the others warn
 (theory.md: element frames, crossing of nodes).
@@ -20,6 +20,8 @@ from cable_twin.scenario import Scenario
 ROUNDING = 1e-9  # strain of compression by rounding alone
 SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is off by about a tenth of the sag then
 E_FOLDS = 5.6  # by which the error of a joint has to die out on an element, measured
+FEWEST = 5.0  # elements in a span beside a tower, below which its load is off by more than 2 %, measured
+STATION = 0.25  # of the mean span, below which towers carry a bend of the rope and hardly its weight
 STEPS = 5.0  # in an element that a joint with a node of its own passes, below which its force is wrong, measured
 REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from which on nothing grows, measured
 
@@ -60,6 +62,28 @@ def warn_of_frames(system: System, rope: CableSamples) -> None:
             f"{with_unit(float(cable.element_length.max()), 'm', 3)} are too long for its curvature, and its shape "
             "may be "
             f"off by metres; elements up to {with_unit(longest, 'm', 2)}, or elastic_model continuum, prevent that",
+            stacklevel=3,
+        )
+
+
+def warn_of_mesh(scenario: Scenario, system: System) -> None:
+    """Warn of elements so long beside a tower of a rope that its load is wrong, of spans as long as their chords."""
+    cable, corners = system.cable, np.array([scenario.vector(place) for place in scenario.corners])
+    spans = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    if len(spans) < 2 or not np.any(cable.gravity):
+        return
+    places = np.cumsum(spans)[:-1] * cable.unstrained_length / spans.sum()
+    nodes = np.cumsum(cable.element_length)
+    beside = cable.element_length[np.minimum(np.searchsorted(nodes, places), len(nodes) - 1)]
+    span = 0.5 * (spans[1:] + spans[:-1])  # whose weight the tower carries
+    few = np.where(span < STATION * spans.mean(), FEWEST, span / beside)
+    worst = int(few.argmin())
+    if few[worst] < FEWEST:
+        warnings.warn(
+            f"elements of {with_unit(float(beside[worst]), 'm', 3)} beside tower {list(scenario.towers)[worst]!r}, "
+            f"whose spans are {with_unit(float(span[worst]), 'm', 3)} long on average: with fewer than {FEWEST:g} "
+            "in a span loads of towers and ends may be off by more than 2 %, with one by tens of per cent; elements "
+            f"up to {with_unit(float(span[worst]) / FEWEST, 'm', 2)}, or a graded mesh, prevent that",
             stacklevel=3,
         )
 
