@@ -327,6 +327,27 @@ def test_what_is_of_space_in_a_plane_is_named_with_its_unit():
 # Names
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        (
+            "carriages.cabin.bodies.cabin.turns",
+            "universal",
+            "given 'universal': in a plane; allowed: 'revolute', the",
+        ),
+        ("carriages.cabin.bodies.cabin.roll_damping", 9.0, "given 9.0 N m s/rad: in a plane; allowed: 0.0 N m s/rad, "),
+        ("towers.tower.groove", 9.0, "given 9.0 1/m: in a plane; allowed: 20.0 1/m, the default; others in space only"),
+        ("towers.tower.groove_friction", 0.1, "given 0.1: in a plane; allowed: 0.0, the default; others in space only"),
+        ("towers.tower.groove_height", 0.1, "given 0.1 m: in a plane; allowed: 0.05 m, the default; others in space"),
+        ("towers.tower.derailment_ratio", 0.1, "given 0.1: in a plane; allowed: 0.5, the default; others in space onl"),
+    ],
+)
+def test_what_a_plane_would_ignore_is_refused_there(key, value, said):
+    (fault,) = faults_of("aerial_tramway", {key: value})
+    assert f"{key}: {said}" in fault
+    load_scenario("aerial_tramway", {key: value, "space": 3})
+
+
 def test_unknown_keys_name_the_nearest_one():
     data = SEED.resolved()
     data["cable"]["elemnts"] = 3

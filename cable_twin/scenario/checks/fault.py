@@ -70,6 +70,15 @@ def show(value: Any, unit: str = "") -> str:
     return f"{text}{unit}" if len(text) <= 60 else f"{text[:57]}..."
 
 
+def of_space(path: KeyPath, section: BaseModel, keys: Iterable[str]) -> Iterator[Fault]:
+    """Errors of keys of a section in a plane that count in space only, with another value than by default."""
+    for key in keys:
+        given, default = getattr(section, key), type(section).model_fields[key].default
+        if given not in (None, default):
+            own = (*path, key)
+            yield refuse(own, given, f"{show(default, unit_of(own))}, the default; others in space only", "in a plane")
+
+
 def listed(names: Iterable[str], otherwise: str) -> str:
     """Join allowed names for an error message, only the first few of many; `otherwise` if there are no names."""
     names = list(names)

@@ -12,7 +12,7 @@ from cable_twin.basics.units import rounded, with_unit
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
 from cable_twin.scenario.builders.system import build_system, tower_axes
-from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, name_faults, refuse, show
+from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, name_faults, of_space, refuse, show
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.line import MOST_ELEMENTS, Cable, EndSupport, Grading, Tower
 from cable_twin.scenario.sections.quantities import Vector
@@ -22,6 +22,7 @@ HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end
 MOST_TURN = 60.0  # degrees in plan at a tower; sheave assemblies deflect a rope by a few, and stations by more
 ALONG = 0.9  # cosine to the rope from which on a groove opens along it
 DENSITIES = 100.0, 25e3  # kg/m^3 by the diameter; ropes of steel have about 4500 to 8500, of fibres down to 500
+IN_GROOVE = ("groove", "groove_friction", "groove_height", "derailment_ratio")  # of a tower, sideways
 DIRECTION = "a direction, not all numbers zero"
 ONLY_SPACE = "null; for scenarios in space only"
 
@@ -290,6 +291,7 @@ def _grooves_and_masts(scenario: Scenario) -> Iterator[Fault]:
             for key in ("groove_direction", "mast_offset", "mast_width"):
                 if (given := getattr(tower, key)) is not None:
                     yield refuse(("towers", name, key), given, ONLY_SPACE, "in a plane")
+            yield from of_space(("towers", name), tower, IN_GROOVE)
         elif all(map(np.any, np.diff(corners[number : number + 3], axis=0))):
             yield from _tower_in_space(scenario, ("towers", name), tower, corners[number : number + 3])
 

@@ -12,7 +12,7 @@ import numpy as np
 from cable_twin.basics.units import with_unit
 from cable_twin.scenario.builders.outlines import reach_along
 from cable_twin.scenario.builders.vehicles import BRAKES, inertia_tensor, stop_stroke
-from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, listed, name_faults, refuse
+from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, listed, name_faults, of_space, refuse
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.drives import Limits
 from cable_twin.scenario.sections.vehicles import Body, Carriage, CarrierPayload, Carriers, Payload
@@ -192,6 +192,8 @@ def _bodies(scenario: Scenario, path: KeyPath, bodies: Bodies) -> Iterator[Fault
             if given is not None and len(given) > scenario.dim:
                 yield refuse((*own, key), given, "x, z in m", "three numbers in a plane")
         yield from _inertia(scenario, (*own, "inertia_tensor"), body)
+        if scenario.dim == 2:
+            yield from of_space(own, body, ("turns", "roll_damping"))
 
 
 def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:
