@@ -17,6 +17,7 @@ from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.run_clock import RunClock
 from cable_twin.scenario import Scenario
 
+TIMES = 10.0  # times the lateness that was logged last, at which it is logged again
 LATE, ON_TIME = 1.0, 0.1  # s of lateness from which the twin has fallen behind, and below which it has caught up
 LAG = 0.02  # s by which stamps are behind the clock after a pause, from which on it is logged
 BEHIND = 2.0  # s of frames waiting for the disk, from which on it counts as slow
@@ -90,7 +91,7 @@ class FigureWatch:
 
 
 class PaceWatch:
-    """Watch of the pace: logs once when frames fall behind the clock or catch up, and when stamps depart from it.
+    """Watch of the pace: logs when frames fall behind the clock, ten times as far or catch up, and when stamps depart.
 
     Args:
         logger: logger of the node.
@@ -101,7 +102,7 @@ class PaceWatch:
 
     def __init__(self, logger: Any, clock: RunClock, loop: FrameLoop, *, real_time: bool) -> None:
         self._logger, self._clock, self._loop, self._real_time = logger, clock, loop, real_time
-        self._behind = False
+        self._told = 0.0  # s, by which frames were behind when that was logged last; 0 after they have caught up
 
     def log_start(self, simulated_time: float, *, first: bool) -> None:
         """Log the lag of time stamps behind the clock where simulated time (s) starts, or continues after a pause."""
@@ -122,11 +123,11 @@ class PaceWatch:
                 f"{abs(behind):.3f} s {'behind' if behind > 0.0 else 'ahead of'} it"
             )
         late = self._loop.behind
-        if not self._behind and late > LATE:
-            self._behind = True
+        if late > max(LATE, TIMES * self._told):
+            self._told = late
             self._logger.warning(f"falls behind the clock: {late:.1f} s late; no frame is skipped")
-        elif self._behind and late < ON_TIME:
-            self._behind = False
+        elif self._told and late < ON_TIME:
+            self._told = 0.0
             self._logger.info("has caught up with the clock")
         if self._clock.epoch_ns is None:
             return {}

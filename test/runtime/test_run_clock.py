@@ -98,20 +98,19 @@ def test_stamps_that_a_pause_left_behind_are_told(clocks, clock):
     watch.log_start(0.0, first=False)
     (line,) = logger.lines
     assert "from now on time stamps are 12.500 s behind the clock" in line
-    PaceWatch(logger, clock, Loop(), real_time=False).log_start(
-        0.0, first=False
-    )  # faster or slower, they go their own way
+    PaceWatch(logger, clock, Loop(), real_time=False).log_start(0.0, first=True)  # they go their own way
     assert len(logger.lines) == 1
 
 
 def test_falling_behind_and_catching_up_are_a_line_each(clock):
     logger, loop = Logger(), Loop()
     watch = PaceWatch(logger, clock, loop, real_time=True)
-    for behind in (0.0, 0.9, 1.2, 5.0, 0.5, 0.01, 0.0, 2.0):
+    for behind in (0.0, 0.9, 1.2, 5.0, 12.5, 30.0, 0.5, 0.01, 0.0, 2.0):
         loop.behind = behind
         watch.check()
-    assert [line.split(":")[0] for line in logger.lines] == [
-        "falls behind the clock",
+    assert [line.split(";")[0] for line in logger.lines] == [
+        "falls behind the clock: 1.2 s late",
+        "falls behind the clock: 12.5 s late",
         "has caught up with the clock",
-        "falls behind the clock",
+        "falls behind the clock: 2.0 s late",
     ]
