@@ -170,7 +170,7 @@ IN_SPACE = [
     ("carriages.cabin.bodies.cabin.size", [2.5, -2.0], "given [2.5, -2.0] m; allowed: a list of 2 finite numbers at l"),
     ("carriages.cabin.bodies.cabin.size", [-2.5, 2.0], "given [-2.5, 2.0] m; allowed: a list of 2 finite numbers at l"),
     ("cable.diameter", 45.0, "diameter: given 45.0 m: with the mass_per_length of 1.0 kg/m a density of 0.000629 kg/m"),
-    ("cable.diameter", 0.005, "a density of 5.09e+04 kg/m^3; allowed: 0.00714 to 0.113 m, for 100 to 25000 kg/m^3"),
+    ("cable.diameter", 0.005, "a density of 5.09e+04 kg/m^3; allowed: 0.00714 to 1.13 m, for 1 to 25000 kg/m^3"),
     ("space", 4, "given 4; allowed: one of 2, 3, or null"),
 ]
 OF_TWO_ROPES = [
