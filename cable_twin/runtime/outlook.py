@@ -121,7 +121,9 @@ class LiveOutlook(Companion):
                 answer = receive(answers)
                 if answer is None:
                     return
-                self._found, self._asked = (answer.time, time.monotonic() - self._asked), None
+                took = time.monotonic() - self._asked
+                took = 0.0 if math.isnan(self._found[0]) else took  # the first one has the start of the process in it
+                self._found, self._asked = (answer.time, took), None
                 self._last = now
                 self._take(answer)
             self.stopping.wait(max(begun + self._period - time.monotonic(), 0.0))
