@@ -271,9 +271,6 @@ def numbered(names: Iterable[str]) -> dict[str, int]:
     return {name: number for number, name in enumerate(names)}
 
 
-__all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "Layout", "numbered"]
-
-
 def _sample_places(cable: Cable, samples: int) -> FloatArray:
     """Arc lengths (samples,) in m of the samples of a rope: even, but for those next to weights on it, which are there.
 
@@ -287,3 +284,6 @@ def _sample_places(cable: Cable, samples: int) -> FloatArray:
             taken.add(row)
             places[row] = load.arc_length
     return places
+
+
+__all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "Layout", "numbered"]

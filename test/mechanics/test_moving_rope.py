@@ -151,7 +151,12 @@ def test_flow_integrals_of_any_number_of_elements(elements, dim):
         system.cable.mass_per_length * np.sum(weights[:, None] * r_x * other) for other in (r_t, r_x, r_tt, r_tx)
     ]
     scale = expected[1]  # of the one that is a sum of squares: the others may be nearly nothing
-    np.testing.assert_allclose(flow_integrals(system.cable, state), expected, rtol=1e-12, atol=1e-12 * scale)
+    energies = []
+    for speed in (1.0, -1.0):  # that of r_t is the derivative of the kinetic energy by the speed
+        put(state.rope, state.rope.position[0], speed, state.rope.acceleration[0])
+        energies.append(flow_energy(system.cable, state))
+    got = 0.5 * (energies[0] - energies[1]), *flow_integrals(system.cable, state)
+    np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12 * scale)
 
 
 def test_haul_force_is_the_rate_of_its_momentum():

@@ -72,7 +72,7 @@ class _Common(NamedTuple):
 
 
 class _Followed(NamedTuple):
-    """What was known when a twin was last where its plant was, and where its carriers were then."""
+    """Estimates of a followed lift and places of its carriers, from the last time when twin and plant agreed."""
 
     time: float  # s
     places: FloatArray  # (carriers,) m along the loop

@@ -35,7 +35,7 @@ def moving_rope_force(system, state):
     """
     cable = system.cable
     speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
-    _, squared, by_acceleration, by_rate = flow_integrals(cable, state)
+    squared, by_acceleration, by_rate = flow_integrals(cable, state)
     force = by_acceleration + rate * squared + 2.0 * speed * by_rate
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and rides(system, state, carriage):

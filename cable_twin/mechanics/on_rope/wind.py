@@ -152,13 +152,17 @@ def share_of_line(wind, place):
 
 @kernel
 def update_turbulence(wind, field, mean):
-    """Write all rows of turbulence in a mean wind (3,) in m/s, delayed with the distance of their points downwind."""
+    """Write the turbulence at all its points in a mean wind (3,) in m/s, delayed with the distance downwind.
+
+    After the rows of the points are those of what straight lines between them lack, as in `Wind.turbulence`.
+    """
     flat = hypot(mean[0], mean[1])
     speed = hypot(flat, mean[2])
     ahead = (mean[0] / flat, mean[1] / flat) if flat > 0.0 else (1.0, 0.0)
     deviation, samples = wind.intensity * speed, wind.turbulence.shape[1]
-    for row in range(wind.turbulence.shape[0]):
-        point, behind = row % wind.points.shape[0], 0.0
+    count = wind.points.shape[0]
+    for point in range(count):
+        behind = 0.0
         for axis in range(3):
             if speed > 0.0:
                 behind += (wind.points[point, axis] - wind.points[0, axis]) * mean[axis] / speed
@@ -173,13 +177,14 @@ def update_turbulence(wind, field, mean):
             0.5 * t * t * (t - 1.0),
         )
         first = int(whole) - 1
-        u, v, w = 0.0, 0.0, 0.0
-        for number in range(4):
-            sample = wind.turbulence[row, (first + number) % samples]
-            u, v, w = u + weights[number] * sample[0], v + weights[number] * sample[1], w + weights[number] * sample[2]
-        field.points[row, 0] = deviation * (u * ahead[0] - v * ahead[1])
-        field.points[row, 1] = deviation * (u * ahead[1] + v * ahead[0])
-        field.points[row, 2] = deviation * w
+        for row in (point, count + point):
+            u, v, w = 0.0, 0.0, 0.0
+            for number in range(4):
+                sample, weight = wind.turbulence[row, (first + number) % samples], weights[number]
+                u, v, w = u + weight * sample[0], v + weight * sample[1], w + weight * sample[2]
+            field.points[row, 0] = deviation * (u * ahead[0] - v * ahead[1])
+            field.points[row, 1] = deviation * (u * ahead[1] + v * ahead[0])
+            field.points[row, 2] = deviation * w
 
 
 @kernel

@@ -23,9 +23,9 @@ def flow_energy(cable, state):
         place = nodal_vectors(state.nodes.position, element, like)
         rate = nodal_vectors(state.nodes.velocity, element, like)
         if beside_load(cable, state, element):
-            found_at_rest = motion_at_rest(cable, state, element, state.nodes.acceleration, state.joints.acceleration)
-            place, rate = found_at_rest[0], found_at_rest[1]
-        by_velocity, squared, _, _ = flow_products(length, place, rate, rate)
+            at_rest = motion_at_rest(cable, state, element, state.nodes.acceleration, state.joints.acceleration)
+            place, rate = at_rest[0], at_rest[1]
+        squared, by_velocity, _ = flow_products(length, place, rate, rate)
         speed = between_ends(cable, state.rope.velocity, state.mesh.arc_length[element] + 0.5 * length)
         found += speed * by_velocity + 0.5 * speed * speed * squared / stretch
     return cable.mass_per_length * found
@@ -33,7 +33,7 @@ def flow_energy(cable, state):
 
 @kernel
 def flow_integrals(cable, state):
-    """Integrals of a rope: ∫ρA r_x·r_t dx (kg m/s), ∫ρA r_x·r_x dx (kg), ∫ρA r_x·r_tt dx (N), ∫ρA r_x·r_tx dx (kg/s).
+    """Integrals of a rope: ∫ρA r_x·r_x dx (kg), ∫ρA r_x·r_tt dx (N), ∫ρA r_x·r_tx dx (kg/s).
 
     Elements are computed `WIDTH` at a time, and those that are left over, or beside a load, one by one.
     """
@@ -41,7 +41,7 @@ def flow_integrals(cable, state):
     like = cable.gravity
     grouped = cable.element_count - cable.element_count % WIDTH
     lanes = 0.0 * gather(e, 0, like)[0][0]
-    sums = lanes, lanes, lanes, lanes
+    sums = lanes, lanes, lanes
     for first in range(0, grouped, WIDTH):
         length = gather_numbers(state.mesh.length, first)
         products = flow_products(
@@ -49,10 +49,9 @@ def flow_integrals(cable, state):
         )
         if cable.load_nodes:
             plain = gather_numbers(state.mesh.plain, first)
-            products = plain * products[0], plain * products[1], plain * products[2], plain * products[3]
-        sums = (sums[0] + products[0], sums[1] + products[1], sums[2] + products[2], sums[3] + products[3])
-    by_velocity, squared = sum_of_lanes(sums[0]), sum_of_lanes(sums[1])
-    by_acceleration, by_rate = sum_of_lanes(sums[2]), sum_of_lanes(sums[3])
+            products = plain * products[0], plain * products[1], plain * products[2]
+        sums = sums[0] + products[0], sums[1] + products[1], sums[2] + products[2]
+    squared, by_acceleration, by_rate = sum_of_lanes(sums[0]), sum_of_lanes(sums[1]), sum_of_lanes(sums[2])
     for element in range(0 if cable.load_nodes else grouped, cable.element_count):
         if element < grouped and not beside_load(cable, state, element):
             continue
@@ -63,22 +62,21 @@ def flow_integrals(cable, state):
             place, rate = nodal_vectors(e, element, like), nodal_vectors(e_dot, element, like)
             acceleration = nodal_vectors(e_ddot, element, like)
         products = flow_products(length, place, rate, acceleration)
-        by_velocity, squared = by_velocity + products[0], squared + products[1]
-        by_acceleration, by_rate = by_acceleration + products[2], by_rate + products[3]
+        squared, by_acceleration = squared + products[0], by_acceleration + products[1]
+        by_rate += products[2]
     mass = cable.mass_per_length
-    return mass * by_velocity, mass * squared, mass * by_acceleration, mass * by_rate
+    return mass * squared, mass * by_acceleration, mass * by_rate
 
 
 @formula
 def flow_products(length, place, rate, acceleration):
-    """Integrals ∫r_x·r_t dx, ∫r_x·r_x dx, ∫r_x·r_tt dx, ∫r_x·r_tx dx over an element or a group, from nodal vectors."""
+    """Integrals ∫r_x·r_x dx, ∫r_x·r_tt dx, ∫r_x·r_tx dx over an element or a group, from nodal vectors."""
     d, a, b = subtract(place[2], place[0]), scale(length, place[1]), scale(length, place[3])
-    by_velocity, squared, by_acceleration, by_rate = 0.0 * d[0], 0.0 * d[0], 0.0 * d[0], 0.0 * d[0]
+    squared, by_acceleration, by_rate = 0.0 * d[0], 0.0 * d[0], 0.0 * d[0]
     for i in range(4):
         factor = length if i % 2 else 1.0
         flow, slope = combine(FLOW_OF_CHORD[i], d, a, b), combine(SLOPE_OF_CHORD[i], d, a, b)
-        by_velocity += factor * dot(rate[i], flow)
         by_acceleration += factor * dot(acceleration[i], flow)
         squared += factor / length * dot(place[i], slope)
         by_rate += factor / length * dot(rate[i], slope)
-    return by_velocity, squared, by_acceleration, by_rate
+    return squared, by_acceleration, by_rate

@@ -406,14 +406,14 @@ def _tensioned(
     given = given_number(changes, key, 0.0) if key in changes else None
     tension = chosen.tension if given is None else 0.5 * GRAVITY * given
 
-    def strands() -> tuple[list[Spans], FloatArray]:
+    def strands(tension: float) -> tuple[list[Spans], FloatArray]:
         found = [spans_under_tension(corner, tension, weight, rope["axial_stiffness"]) for weight in weights[:2]]
         return found, np.sum([one.pull[0] / np.hypot(*one.pull[0]) for one in found], axis=0)
 
-    _, ways = strands()
+    _, ways = strands(tension)
     mass = round(float(np.hypot(*ways)) * tension / GRAVITY, -2) if given is None else given
     tension = mass * GRAVITY / float(np.hypot(*ways))
-    found, ways = strands()
+    found, ways = strands(tension)
     if given is not None:
         return derived(mass, "given"), ways, found
     if not chosen.misses:
