@@ -1,4 +1,4 @@
-"""Discretisation check of key figures: their differences in a run with half the element length and step."""
+"""Discretisation check of key figures: their differences in a run of half the element length, step and saddle pitch."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cable_twin.simulation import Simulation
 
 
 def refined(scenario: Scenario) -> Scenario:
-    """Refine a scenario: rope elements and solver steps of half the length."""
+    """Refine a scenario: elements and steps of half the length, contact points of saddles half as far apart."""
     changes: dict[str, Any] = {}
     for rope, cable in scenario.cables.items():
         key, elements = f"{scenario.rope_key(rope)}.elements", cable.elements
@@ -24,6 +24,12 @@ def refined(scenario: Scenario) -> Scenario:
             changes[f"{key}.growth"] = elements.growth**0.5
         else:
             changes[key] = 2 * elements
+    for name, tower in scenario.towers.items():
+        if tower.kind == "saddle" and tower.contacts > 1:  # of sheaves there are as many as there are
+            changes |= {
+                f"towers.{name}.contacts": 2 * tower.contacts - 1,
+                f"towers.{name}.stiffness": 0.5 * tower.stiffness,
+            }
     return load_scenario(scenario.resolved(), {**changes, "solver.step": 0.5 * scenario.solver.step})
 
 

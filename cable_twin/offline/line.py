@@ -119,7 +119,8 @@ def parser() -> OneLineParser:
     result.add_argument(
         "--check",
         action="store_true",
-        help="calculate the line a second time with elements half as long, and print how much each figure changes",
+        help="calculate the line a second time with elements half as long and contact points of saddles half as far "
+        "apart, and print how much each figure changes",
     )
     result.add_argument(
         "--csv", metavar="PATH", help="write one row for each place, in SI units; '-': to standard output"

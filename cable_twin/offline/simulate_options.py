@@ -148,9 +148,9 @@ def parser() -> OneLineParser:
     result.add_argument(
         "--check",
         action="store_true",
-        help="run a second time with elements and step half as long (takes about four times as "
-        "long) and print how much "
-        "each key figure changes; a limit that lies within this change is 'not decided'",
+        help="run a second time with elements and step half as long and contact points of saddles half as far apart "
+        "(takes about four times as long) and print how much each key figure changes; a limit that lies within this "
+        "change is 'not decided'",
     )
     add_export(result)
     return result

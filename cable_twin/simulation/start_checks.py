@@ -1,4 +1,4 @@
-"""Checks of a start: compression, slack elements, spans of few elements, element crossings in too few steps.
+"""Checks of a start: compression, slack elements, spans of few elements, coarse saddles, crossings in too few steps.
 
 A rope without bending stiffness under compression is in an unstable equilibrium and is refused; the others warn
 (theory.md: element frames, crossing of nodes).
@@ -7,7 +7,7 @@ A rope without bending stiffness under compression is in an unstable equilibrium
 from __future__ import annotations
 
 import warnings
-from math import inf, log, sqrt
+from math import ceil, inf, log, sqrt
 
 import numpy as np
 
@@ -22,6 +22,7 @@ SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is
 E_FOLDS = 5.6  # by which the error of a joint has to die out on an element, measured
 FEWEST = 5.0  # elements in a span beside a tower, below which its load is off by more than 2 %, measured
 STATION = 0.25  # of the mean span, below which towers carry a bend of the rope and hardly its weight
+SHAKE = 0.01  # of the depth in a saddle, by which a vehicle may rise and sink from contact point to contact point
 STEPS = 5.0  # in an element that a joint with a node of its own passes, below which its force is wrong, measured
 REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from which on nothing grows, measured
 
@@ -86,6 +87,32 @@ def warn_of_mesh(scenario: Scenario, system: System) -> None:
             f"up to {with_unit(float(span[worst]) / FEWEST, 'm', 2)}, or a graded mesh, prevent that",
             stacklevel=3,
         )
+
+
+def warn_of_saddles(scenario: Scenario, rope: CableSamples) -> None:
+    """Warn of contact points of saddles so far apart that vehicles on them rise and sink, which no real saddle does.
+
+    A load F on a rope under the tension T, borne by points of stiffness k at distances a, sinks by F a / (4 T) more
+    between two of them than on one: k a / (8 T) of its mean depth F √(a / k T) / 2 up and as much down, beside 1.
+    """
+    tension = float(rope.tensions.min())
+    if tension <= 0.0 or all(vehicle.joint == "fixed" for vehicle in scenario.vehicles.values()):
+        return
+    for name, tower in scenario.towers.items():
+        if tower.kind != "saddle" or tower.contacts < 2:
+            continue
+        apart = tower.length / (tower.contacts - 1)
+        share = tower.stiffness * apart / (8.0 * tension)
+        if share > SHAKE:
+            parts = ceil(sqrt(share / SHAKE))
+            warnings.warn(
+                f"contact points of saddle {name!r}, {with_unit(apart, 'm', 2)} apart and of "
+                f"{with_unit(tower.stiffness, 'N/m', 2)} each, shake vehicles on the saddle by {share:.0%} of their "
+                "depth in it, which adds to loads and forces; "
+                f"contacts: {parts * (tower.contacts - 1) + 1} with "
+                f"stiffness: {with_unit(tower.stiffness / parts, 'N/m', 3)} prevent that",
+                stacklevel=3,
+            )
 
 
 def growing_steps(spectral_radius: float, length: float, speed: float, wave: float) -> tuple[float, float]:

@@ -38,7 +38,13 @@ from cable_twin.simulation.queries import Observer, Queries, read_only, time_of
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.same_model import OtherModelError
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
-from cable_twin.simulation.start_checks import check_pressure, warn_of_crossing, warn_of_frames, warn_of_mesh
+from cable_twin.simulation.start_checks import (
+    check_pressure,
+    warn_of_crossing,
+    warn_of_frames,
+    warn_of_mesh,
+    warn_of_saddles,
+)
 from cable_twin.simulation.vehicle_contacts import VehicleContacts
 
 if TYPE_CHECKING:
@@ -170,6 +176,7 @@ class Simulation(Queries):
                 check_pressure(part.system, rope)
                 warn_of_frames(part.system, rope)
                 warn_of_mesh(part.scenario, part.system)
+                warn_of_saddles(part.scenario, rope)
                 if scenario.solver.integrator == "generalized_alpha":
                     warn_of_crossing(part.scenario, scenario, part.system, rope)
             if meanwhile is not None:

@@ -18,6 +18,7 @@ from cable_twin.offline.survey.profile import (
     check_terrain,
     surveyed,
 )
+from cable_twin.scenario.sections.line import MOST_CONTACTS
 
 LARGEST = 2**25  # bytes of a file
 MOST_ROWS = 20_000  # of a file
@@ -243,8 +244,9 @@ def tower_of(
     if hold not in (*TRUE, *FALSE):
         raise SurveyError(f"{file}: {where}: hold_down: given {hold!r}; allowed: 1 or 0")
     contacts = row.get("contacts")
-    if contacts is not None and not (float(contacts).is_integer() and 1 <= float(contacts) <= 100):
-        raise SurveyError(f"{file}: {where}: contacts: given {contacts:g}; allowed: a whole number from 1 to 100")
+    if contacts is not None and not (float(contacts).is_integer() and 1 <= float(contacts) <= MOST_CONTACTS):
+        allowed = f"a whole number from 1 to {MOST_CONTACTS}"
+        raise SurveyError(f"{file}: {where}: contacts: given {contacts:g}; allowed: {allowed}")
     sizes = {key: float(row[key]) if key in row else None for key in ("length", "radius")}
     return SurveyedTower(
         name=name,

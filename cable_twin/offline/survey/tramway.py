@@ -27,7 +27,8 @@ TRACK_ROPE = {
 }
 TRACK_WHY = "locked coil of 66 mm, 3010 mm^2, E = 160 GPa, wires of 1770 N/mm^2 less 7 %"
 EMPTY, CAPACITY = 5600.0, 6400.0  # kg
-RADIUS, PITCH = 80.0, 1.0  # m, of saddles, and between their points of contact
+RADIUS, PITCH = 80.0, 0.2  # m, of saddles, and between their points of contact
+BEDDING = 0.4e6  # N/m per m of saddle, by which rope and lining yield
 STATION = 12.0  # m, arc length of the cabin from the end of the track
 BODIES: Mapping[str, Mapping[str, Any]] = {
     "running_carriage": {"mass": 1500.0, "inertia": 2045.0, "upper_pivot": [0.0, 0.2], "lower_pivot": [0.0, -0.2]},
@@ -189,7 +190,7 @@ def tramway_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> 
         "cable": {
             **rope_keys(rope, TRACK_ROPE, TRACK_WHY),
             "unstrained_length": track.length,
-            "elements": assumed({"target": 11.3, "at_towers": 3.5, "growth": 1.7}, "lengths in m, short on saddles"),
+            "elements": assumed({"target": 20.0, "at_towers": 0.75, "growth": 2.5}, "lengths in m, short on saddles"),
             "damping_time": assumed(0.004, "s, a damping ratio of 0.2 % at 1 rad/s"),
             **tree_ends,
         },
@@ -256,10 +257,12 @@ def saddles(survey: Survey, track: TrackRope, load: float, upwards: bool) -> dic
     turns: Sequence[float] = track.saddle_bends(load)[:: 1 if upwards else -1].tolist()
     found: dict[str, Any] = {}
     for tower, turn in zip(survey.towers, turns, strict=True):
+        keys = tower_keys(tower, ceil(1.1 * turn * RADIUS / PITCH) + 1, PITCH, RADIUS)
+        apart = float(keys["length"].value) / max(keys["contacts"].value - 1, 1)
         found[tower.name] = {
             "kind": assumed("saddle", "of a track rope"),
-            **tower_keys(tower, ceil(1.1 * turn * RADIUS / PITCH) + 1, PITCH, RADIUS),
-            "stiffness": assumed(0.4e6, "N/m, rope and lining yield"),
+            **keys,
+            "stiffness": assumed(float(f"{BEDDING * apart:.4g}"), f"N/m, rope and lining yield: {BEDDING:g} per m"),
         }
     return found
 

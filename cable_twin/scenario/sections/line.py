@@ -41,6 +41,7 @@ class EndSupport(Section):
 
 
 MOST_ELEMENTS = 100_000
+MOST_CONTACTS = 1000
 ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]  # those of the mechanics
 
 
@@ -176,7 +177,14 @@ class Tower(Section):
     rope: str | None = Field(default=None, description="rope on the tower; null: the first one")
     position: Place = quantity("m", "position of the rope at its middle, as x, z, in space as x, y, z")
     kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="sheave assembly or saddle")
-    contacts: int = quantity("-", "sheaves of the assembly, or contact points of the saddle", 1, ge=1, le=100)
+    contacts: int = quantity(
+        "-",
+        "sheaves of the assembly, or contact points of the saddle, which stand for one surface and lie so close that "
+        "vehicles do not feel them, about 0.2 m apart",
+        1,
+        ge=1,
+        le=MOST_CONTACTS,
+    )
     length: float = quantity("m", "length along the rope, from the first contact to the last", 0.0, ge=0)
     radius: float | None = quantity("m", "radius of the circle of the contacts; null: a straight line", None, gt=0)
     hold_down: bool = Field(default=False, description="true: it holds the rope down from above")
