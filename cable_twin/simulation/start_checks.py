@@ -105,11 +105,11 @@ def warn_of_saddles(scenario: Scenario, rope: CableSamples) -> None:
         share = tower.stiffness * apart / (8.0 * tension)
         if share > SHAKE:
             parts = ceil(sqrt(share / SHAKE))
+            much = f"by {share:.0%} of" if share < 1.0 else "by more than"
             warnings.warn(
                 f"contact points of saddle {name!r}, {with_unit(apart, 'm', 2)} apart and of "
-                f"{with_unit(tower.stiffness, 'N/m', 2)} each, shake vehicles on the saddle by {share:.0%} of their "
-                "depth in it, which adds to loads and forces; "
-                f"contacts: {parts * (tower.contacts - 1) + 1} with "
+                f"{with_unit(tower.stiffness, 'N/m', 2)} each, shake vehicles on the saddle {much} their depth in it, "
+                f"which adds to loads and forces; contacts: {parts * (tower.contacts - 1) + 1} with "
                 f"stiffness: {with_unit(tower.stiffness / parts, 'N/m', 3)} prevent that",
                 stacklevel=3,
             )
