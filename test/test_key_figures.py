@@ -192,6 +192,43 @@ def test_a_command_to_stop_what_only_creeps_or_swings_is_no_stop(creep):
         assert gathered(figures)[f"cabin: {name}"].place.startswith("stop from 6.00 m/s")
 
 
+def stop_at(figures: KeyFigures, begin: float, start: float, speed: float, deceleration: float) -> tuple[float, float]:
+    """Run from standstill at a speed for 5 s, and an emergency stop from it; time and place of the standstill."""
+    figures.command(AppliedCommand(begin, Command("speed", {"cabin": speed}), "test"))
+    place = drive(figures, lambda _: speed, 5.0, start=start, begin=begin)
+    figures.command(AppliedCommand(begin + 5.0, Command("emergency_stop", {}), "test"))
+    begin, duration = begin + 5.0 + PERIOD, speed / deceleration + 1.0
+    place = drive(figures, lambda at: max(speed - deceleration * (at - begin), 0.0), duration, start=place, begin=begin)
+    return begin + duration + PERIOD, place
+
+
+def test_of_several_stops_the_longest_counts_and_each_mean_deceleration():
+    """Stops of 2.4, 1.0 and 2.0 m/s², the second one the longest, and a fourth that is not over."""
+    figures = KeyFigures(scenario(limits__stopping_distance=40.0))
+    moment, place = stop_at(figures, 0.0, 100.0, 6.0, 2.4)
+    alone = gathered(figures)
+    assert alone["cabin: mean deceleration of the stop"].value == pytest.approx(2.4, rel=0.01)
+    assert "cabin: mean deceleration of the stop, highest" not in alone
+    moment, place = stop_at(figures, moment, place, 8.0, 1.0)
+    moment, place = stop_at(figures, moment, place, 4.0, 2.0)
+    found = gathered(figures)
+    stop = found["cabin: stopping distance"]
+    assert stop.value == pytest.approx(32.0, rel=0.01)
+    assert stop.place.startswith("emergency stop from 8.00 m/s")
+    assert stop.kept is True
+    passenger = found["cabin: passenger's stopping distance"]
+    assert passenger.place.startswith("emergency stop from 8.00 m/s")
+    decelerations = {"": 1.0, ", highest": 2.4, ", lowest": 1.0}
+    for words, value in decelerations.items():
+        assert found[f"cabin: mean deceleration of the stop{words}"].value == pytest.approx(value, rel=0.01)
+    figures.command(AppliedCommand(moment, Command("speed", {"cabin": 3.0}), "test"))
+    place = drive(figures, lambda _: 3.0, 1.0, start=place, begin=moment)
+    figures.command(AppliedCommand(moment + 1.0, Command("emergency_stop", {}), "test"))
+    drive(figures, lambda _: 2.5, 1.0, start=place, begin=moment + 1.0 + PERIOD)
+    stop = gathered(figures)["cabin: stopping distance"]
+    assert (stop.value, stop.unfinished, stop.kept) == (pytest.approx(32.0, rel=0.01), True, None)
+
+
 def test_stopping_distance_counts_from_the_command_also_between_frames():
     figures = KeyFigures(scenario())
     drive(figures, lambda _: 6.0, 5.0)

@@ -12,8 +12,10 @@ from cable_twin.basics.limited_yaml import as_yaml
 from cable_twin.basics.units import counted
 from cable_twin.key_figures import KeyFigures, Subject, figure
 from cable_twin.key_figures.rules import RuleError, counts_text, judge, load_profile, profiles_of
+from cable_twin.key_figures.rules.conditions import REVERSIBLE
 from cable_twin.key_figures.rules.derived import derived_figures
 from cable_twin.key_figures.rules.document import counts_of
+from cable_twin.key_figures.rules.verdicts import sentence
 from cable_twin.offline.rules import markdown, reasons
 from cable_twin.runtime.watches import FigureWatch
 from cable_twin.scenario import ScenarioError, load_scenario
@@ -230,7 +232,11 @@ def test_a_tramway_by_real_figures():
     assert found["FR85-57"].value == pytest.approx(80.0)
     assert found["FR85-04"].reason == "the run has no figure mean_deceleration, which needs a stop in the run"
     assert found["FR85-19"].state == "does not apply"
-    uplift = load_scenario("jig_back", {"limits.profile": ["france_1985"], "limits.load_cases": ["france_1985.uplift"]})
+    stated = {"limits.profile": ["france_1985"], "limits.load_cases": ["france_1985.uplift"]}
+    calm = {one.check: one for one in judge(load_scenario("jig_back", stated), figures.figures())}["FR85-09"]
+    assert calm.state == "not decided"  # the case is named, and not there
+    assert calm.reason == "load case france_1985.uplift has a wind of 500 Pa, this run of 0 Pa"
+    uplift = load_scenario("jig_back", stated | {"air.wind.z": 30.15})
     found = {one.check: one for one in judge(uplift, figures.figures())}
     assert (found["FR85-09"].state, found["FR85-09"].comparison) == ("kept", "above")
     assert found["FR85-16"].reason == "this run is france_1985.uplift alone, a load case of certain rules"
@@ -267,3 +273,57 @@ def test_counts_of_states_have_the_grammar_of_one_and_of_several():
     assert counts_text(states) == "1 kept, 2 do not apply, 1 can be decided"
     assert counts_text(states[:1]) == "1 does not apply"
     assert (counted(1, "check"), counted(0, "check")) == ("1 check", "0 checks")
+
+
+def test_a_stop_that_is_not_over_keeps_no_limit(tmp_path):
+    check = {"quantity": "stopping_distance/drives/highest", "limit": 20.0, "unit": "m"}
+    found = [load_profile(profile(tmp_path, **check))]
+    so_far = figure("stopping_distance", Subject("drives.haul_rope", "haul_rope"), "highest", 14.0, 1.0)
+    scenario = load_scenario("chairlift")
+    states = [
+        judge(scenario, [replace(so_far, value=value, unfinished=unfinished)], found)[0].state
+        for value, unfinished in ((14.0, False), (14.0, True), (21.0, True))
+    ]
+    assert states == ["kept", "not decided", "not kept"]
+
+
+def test_a_rope_without_data_is_not_kept_by_the_others(tmp_path):
+    check = {"quantity": "rope_safety_factor/ropes/lowest", "comparison": "at least", "limit": 4.0, "unit": "-"}
+    found = [load_profile(profile(tmp_path, **check))]
+    factors = [figure("rope_safety_factor", Subject(f"ropes.{one}", one), "lowest", 5.0, 1.0) for one in ("up", "down")]
+    scenario = load_scenario("chairlift")
+    assert judge(scenario, factors, found)[0].state == "kept"
+    one = judge(scenario, factors[1:], found)[0]
+    assert (one.state, one.reason) == (
+        "not decided",
+        "ropes.up without figure rope_safety_factor, which needs cable.breaking_force",
+    )
+    low = [replace(factors[1], value=3.0)]
+    assert judge(scenario, low, found)[0].state == "not kept"
+
+
+def test_each_of_several_stops_is_judged_by_its_mean_deceleration(tmp_path):
+    check = {"quantity": "mean_deceleration/drives/mean", "comparison": "within", "limit": [0.5, 1.25], "unit": "m/s^2"}
+    found = [load_profile(profile(tmp_path, **check))]
+    subject, values = Subject("drives.haul_rope", "haul_rope"), {"mean": 0.9, "highest": 2.6, "lowest": 0.9}
+    several = [figure("mean_deceleration", subject, statistic, value, 1.0) for statistic, value in values.items()]
+    one = judge(load_scenario("chairlift"), several, found)[0]
+    assert (one.state, one.value) == ("not kept", 2.6)
+
+
+def test_running_speed_of_a_cabin_on_a_haul_rope_is_that_of_the_rope(tmp_path):
+    (found,) = [load_profile(profile(tmp_path, limit=8.0))]
+    found = found._replace(document=found.document.model_copy(update={"systems": (REVERSIBLE,)}))
+    subject = Subject("carriages.cabin", "cabin")
+    speeds = [figure("speed", subject, "highest", 8.6, 1.0), figure("drive_speed", subject, "highest", 8.0, 1.0)]
+    one = judge(load_scenario("aerial_tramway"), speeds, [found])[0]
+    assert (one.state, one.value) == ("kept", 8.0)
+
+
+def test_place_of_a_vehicle_at_rest_is_no_time(tmp_path):
+    found = [load_profile(profile(tmp_path))]
+    one = figure("speed", Subject("drives.haul_rope", "haul_rope"), "highest", 3.0, 62.77)
+    moving, resting = (judge(load_scenario("chairlift"), [one], found, at_rest=rest)[0] for rest in (False, True))
+    assert "at 62.77 s" in sentence(moving)
+    assert "vehicle at 62.77 m" in sentence(resting)
+    assert " s," not in sentence(resting)

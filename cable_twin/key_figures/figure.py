@@ -143,7 +143,8 @@ def figure(
         detail: for the {} of the name.
     """
     row = QUANTITIES[quantity]
-    name = row.name.format(detail) + (f", {statistic}" if len(row.statistics) > 1 else "")
+    told = len(row.statistics) > 1 and not row.name.startswith(statistic)
+    name = row.name.format(detail) + (f", {statistic}" if told else "")
     name = f"{subject.name}: {name}" if subject.name else name
     return KeyFigure(FigureId(quantity, subject.key, statistic), name, value, row.unit, time, place)
 

@@ -81,9 +81,10 @@ _ROWS = (
     Quantity(
         "mean_deceleration",
         "mean deceleration of the stop",
-        "speed at the command to stop, squared, over twice the stopping distance",
+        "speed at the command to stop, squared, over twice the stopping distance: of the longest stop, of several the "
+        "highest and the lowest too",
         "m/s^2",
-        ("mean",),
+        ("mean", "highest", "lowest"),
     ),
     Quantity("restart_delay", "delay of a restart", "time from standstill to the next command to move", "s", LOWEST),
     Quantity(

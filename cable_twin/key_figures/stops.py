@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Set
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Set
+from dataclasses import replace
 from math import inf, isnan, nan
 from typing import NamedTuple
 
@@ -81,20 +81,67 @@ def stop_figures(
     return found
 
 
-@dataclass(slots=True)
-class Stop:
-    """Stop of a drive or vehicle: braking to standstill, under way or completed."""
+class WorstStops:
+    """Key figures of all stops of one subject: of its emergency stops, without any of its other stops.
+
+    Distance and time are the longest ones. The mean deceleration is that of the longest distance; of several stops the
+    highest and the lowest one are kept beside it.
+
+    Args:
+        subject: subject of the figures.
+    """
+
+    def __init__(self, subject: Subject) -> None:
+        self._subject, self._kind, self._count = subject, NO_STOP, 0
+        self._found: dict[tuple[str, str], KeyFigure] = {}  # by quantity and statistic
+
+    def add(self, kind: str, figures: Iterable[KeyFigure]) -> None:
+        """Add the key figures of a stop of a kind that is over."""
+        if kind == STOP and self._kind == EMERGENCY:
+            return
+        if kind != self._kind:
+            self._kind, self._count, self._found = kind, 0, {}
+        self._count += 1
+        distance, time, *decelerations = figures
+        longest, _ = self._renew(distance, 1.0), self._renew(time, 1.0)
+        for one in decelerations:
+            quantity = one.id.quantity
+            if longest:
+                self._found[quantity, "mean"] = one
+            for statistic, sense in (("highest", 1.0), ("lowest", -1.0)):
+                self._renew(figure(quantity, self._subject, statistic, one.value, one.time, one.place), sense)
+
+    def figures(self, kind: str = NO_STOP, so_far: Iterable[KeyFigure] = ()) -> list[KeyFigure]:
+        """Key figures of the stops that count, with those so far of a stop of a kind that is under way."""
+        found = {} if kind == EMERGENCY != self._kind else dict(self._found)
+        if self._count == 1:  # the mean deceleration is highest and lowest at once
+            found = {key: one for key, one in found.items() if key[0] != "mean_deceleration" or key[1] == "mean"}
+        for one in () if kind == STOP and self._kind == EMERGENCY else so_far:
+            key = one.id.quantity, one.id.statistic
+            before = found.get(key)
+            found[key] = one if before is None or one.value >= before.value else replace(before, unfinished=True)
+        return [*found.values()]
+
+    def _renew(self, one: KeyFigure, sense: float) -> bool:
+        """Keep a figure if it is beyond the one of its kind so far, upwards for a `sense` of 1; whether it is."""
+        key = one.id.quantity, one.id.statistic
+        beyond = key not in self._found or sense * one.value > sense * self._found[key].value
+        if beyond:
+            self._found[key] = one
+        return beyond
+
+
+class Stop(NamedTuple):
+    """Stop of a drive that is under way."""
 
     kind: str
     time: float  # s, of the command
     start: float  # m, place at the command
     speed: float  # m/s at the command
-    end: float = nan  # s, of the standstill
-    distance: float = nan  # m
 
 
 class DriveStops:
-    """Decisive stop of each drive and driven vehicle: the last emergency stop, else the last stop.
+    """Stops of each drive and driven vehicle: its emergency stops, without any its other stops.
 
     Args:
         subjects: subjects of drives and driven vehicles, by name.
@@ -107,7 +154,7 @@ class DriveStops:
     ) -> None:
         self._subjects, self._motion, self._on_bullwheels = subjects, motion, on_bullwheels
         self._braking: dict[str, Stop] = {}  # under way
-        self._stops: dict[str, Stop] = {}  # completed
+        self._worst = {name: WorstStops(subject) for name, subject in subjects.items()}  # of those that are over
         self._standing: dict[str, float] = {}  # s, of the standstill of what stands after a stop
         self._restarts: dict[str, tuple[float, float]] = {}  # s, shortest delay of a restart, and its time
         self._time = nan  # s, of the last frame
@@ -119,9 +166,7 @@ class DriveStops:
             place, speed = self._motion(name)
             if isnan(place + speed) or (abs(speed) > STANDSTILL and speed * stop.speed > 0.0):
                 continue
-            stop.end, stop.distance = time, abs(place - stop.start)
-            if name not in self._stops or stop.kind == EMERGENCY or self._stops[name].kind != EMERGENCY:
-                self._stops[name] = stop
+            self._worst[name].add(stop.kind, self._figures(name, stop, place))
             del self._braking[name]
             self._standing[name] = time
 
@@ -142,27 +187,27 @@ class DriveStops:
                     self._braking[name] = Stop(kind, applied.time, start, speed)
 
     def figures(self, name: str) -> list[KeyFigure]:
-        """Key figures of one drive's decisive stop, and its shortest delay of a restart; none without a stop.
+        """Key figures of the stops of one drive, and its shortest delay of a restart; none without a stop.
 
-        Of a stop under way that would be decisive, the figures are those so far.
+        Of a stop under way, the figures are those so far.
         """
         if name not in self._subjects:
             return []
-        stop, braking, subject = self._stops.get(name), self._braking.get(name), self._subjects[name]
-        delay = self._restarts.get(name)
-        again = [] if delay is None else [figure("restart_delay", subject, "lowest", *delay)]
-        under_way = braking is not None and (stop is None or braking.kind == EMERGENCY or stop.kind == STOP)
-        one = braking if under_way else stop
-        if one is None:
-            return again
-        text = f"{one.kind} from {abs(one.speed):.2f} m/s at {one.start:.1f} m"
+        braking, delay = self._braking.get(name), self._restarts.get(name)
+        again = [] if delay is None else [figure("restart_delay", self._subjects[name], "lowest", *delay)]
+        if braking is None:
+            return self._worst[name].figures() + again
+        so_far = self._figures(name, braking, *self._motion(name))
+        return self._worst[name].figures(braking.kind, so_far) + again
+
+    def _figures(self, name: str, stop: Stop, place: float, still: float | None = None) -> list[KeyFigure]:
+        """Key figures of a stop of a drive that ends now at a place (m), or is under way with a speed (m/s) `still`."""
+        text = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
         text += f", {RIM}" if name in self._on_bullwheels else ""
-        values = one.distance, one.end - one.time
-        if under_way:
-            place, speed = self._motion(name)
-            text += f", not over: still {abs(speed):.2f} m/s"
-            values = abs(place - one.start), self._time - one.time
-        return stop_figures(subject, one.speed, values, one.time, (text, text), unfinished=under_way) + again
+        text += "" if still is None else f", not over: still {abs(still):.2f} m/s"
+        values, unfinished = (abs(place - stop.start), self._time - stop.time), still is not None
+        places = text, text
+        return stop_figures(self._subjects[name], stop.speed, values, stop.time, places, unfinished=unfinished)
 
 
 class Travel:
@@ -267,7 +312,7 @@ class Travel:
 
 
 class CarriedStops:
-    """Decisive stop of the vehicles clamped to a driven rope: stopping distance along the rope, and stopping time.
+    """Stops of the vehicles clamped to a driven rope: stopping distance along the rope, and stopping time.
 
     The rim of a drive follows its command; the rope slips on it, stretches and swings. A vehicle stops when it stands
     or turns back for the first time. Its travel is along the rope, from frames that hold its position.
@@ -284,8 +329,7 @@ class CarriedStops:
         self._start = np.zeros(len(rows))  # m/s at the command
         self._way = np.zeros(len(rows))  # m since then
         self._end = np.full(len(rows), nan)  # s, of the standstill
-        self._stops: list[KeyFigure] = []  # distance and time of each group
-        self._counts = ""  # kind of that stop
+        self._worst = {subject: WorstStops(subject) for subject, _ in self._travel.groups}  # of those that are over
 
     def update(self, snapshot: Snapshot) -> None:
         """Update the stops of vehicles by one snapshot, in order of time."""
@@ -304,11 +348,14 @@ class CarriedStops:
             self._begin(kind, applied.time, self._travel.last)
 
     def figures(self) -> Iterator[KeyFigure]:
-        """Yield the key figures of the stop, distance and time, of each carriage and of the farthest carrier.
+        """Yield the key figures of the stops, distance and time, of each carriage and of the farthest carrier.
 
-        Of a stop under way that would count, the figures are those so far.
+        Of a stop under way, the figures are those so far.
         """
-        yield from self._stops if self._begun is None or self._is_minor(self._begun[0]) else self._figures(*self._begun)
+        so_far = {} if self._begun is None else self._figures(*self._begun)
+        kind = NO_STOP if self._begun is None else self._begun[0]
+        for subject, worst in self._worst.items():
+            yield from worst.figures(kind, so_far[subject]) if subject in so_far else worst.figures()
 
     def _begin(self, kind: str, time: float, last: Snapshot) -> None:
         speed = np.where(self._travel.attached(last), last.columns.speed[self._travel.vehicles], 0.0)
@@ -331,15 +378,12 @@ class CarriedStops:
     def _finish(self) -> None:
         assert self._begun is not None
         begun, self._begun = self._begun, None
-        if not self._is_minor(begun[0]):
-            self._counts, self._stops = begun[0], [*self._figures(*begun)]
+        for subject, figures in self._figures(*begun).items():
+            self._worst[subject].add(begun[0], figures)
 
-    def _is_minor(self, kind: str) -> bool:
-        """Whether a stop of a kind does not count, as there was an emergency stop before."""
-        return kind == STOP and self._counts == EMERGENCY
-
-    def _figures(self, kind: str, time: float) -> Iterator[KeyFigure]:
-        """Yield the key figures of the last stop, of a kind and from a time (s) on; those so far while it goes on."""
+    def _figures(self, kind: str, time: float) -> dict[Subject, list[KeyFigure]]:
+        """Key figures of the last stop, of a kind and from a time (s) on, by group; those so far while it goes on."""
+        found = {}
         last = self._travel.last
         for subject, members in self._travel.groups:
             moving = [one for one in members if isnan(self._end[one]) and abs(self._start[one]) > SLOWEST]
@@ -354,8 +398,9 @@ class CarriedStops:
                 where, end = f"{where}, not over: still {speed:.2f} m/s", last.time
                 until = f"{kind}, not over: still {speed:.2f} m/s"
             values = float(self._way[member]), end - time
-            places = where, until
-            yield from stop_figures(subject, float(self._start[member]), values, time, places, unfinished=under_way)
+            places, speed = (where, until), float(self._start[member])
+            found[subject] = stop_figures(subject, speed, values, time, places, unfinished=under_way)
+        return found
 
 
 class Farthest(NamedTuple):
@@ -373,7 +418,7 @@ class SeatStops:
 
     The load is the place of the payload, or the centre of mass of the last body. Its travel is summed along the rope
     from frame to frame, forward and back as the load swings after clamp and rim have stopped; the farthest travel until
-    the next command to move counts.
+    the next command to move counts, and of several stops the farthest, as in `WorstStops`.
 
     Args:
         scenario: scenario of the run.
@@ -428,14 +473,15 @@ class SeatStops:
                 stop = self._travel.describe(one.number, members, one.kind, one.speed)
                 where = f"{stop}, its load along the rope, swing included"
                 found = figure("passenger_stopping_distance", subject, "highest", one.way, one.begun, where)
-                if self._goes_on(one):
-                    found = replace(found, place=f"{where}, not over", unfinished=True)
-                yield found
+                under_way = [number for number in members if self._goes_on(number, one.kind)]
+                if one.number in under_way and self._begun[one.number] == one.begun:
+                    where = f"{where}, not over"
+                yield replace(found, place=where, unfinished=bool(under_way))
 
-    def _goes_on(self, one: Farthest) -> bool:
-        """Whether the stop of a load is under way, with its vehicle still in motion and the load farther than ever."""
-        last, number = self._travel.last, one.number
-        if self._over[number] or self._begun[number] != one.begun:  # another stop of the vehicle may be under way
+    def _goes_on(self, number: int, kind: str) -> bool:
+        """Whether a stop of a load, of a kind, is under way: its vehicle in motion, and the load farther than ever."""
+        last = self._travel.last
+        if self._over[number] or self._kinds[number] != kind:
             return False
         if last is None or self._farthest_at[number] < last.time:
             return False
@@ -469,10 +515,9 @@ class SeatStops:
                 continue
             number = max(moved, key=lambda one: float(self._farthest[one]))
             kind, before = self._kinds[number], self._found.get(subject)
-            if before is not None:
-                counts = before.kind == EMERGENCY and kind == STOP
-                if counts or (before.begun == self._begun[number] and before.way >= self._farthest[number]):
-                    continue
+            heavier = before is None or (before.kind, kind) == (STOP, EMERGENCY)
+            if before is not None and not heavier and (before.kind != kind or before.way >= self._farthest[number]):
+                continue
             way, begun = float(self._farthest[number]), float(self._begun[number])
             self._found[subject] = Farthest(number, kind, float(self._start[number]), way, begun)
 

@@ -20,8 +20,8 @@ from rich.console import Console
 from cable_twin.basics.units import counted
 from cable_twin.ensemble import usable_cores
 from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_from_values, values_of
-from cable_twin.key_figures.rules import STATES, RuleVerdict, judge, profiles_of
-from cable_twin.key_figures.rules.verdicts import NOT_DECIDED
+from cable_twin.key_figures.rules import RuleVerdict, judge, profiles_of
+from cable_twin.key_figures.rules.verdicts import NOT_DECIDED, severity
 from cable_twin.offline.envelopes.cases import PLANS, CaseError, LoadCase, case_columns, read_cases
 from cable_twin.offline.envelopes.runs import CaseResult, Job, neighbours, run_part, run_side_by_side, uncollected
 from cable_twin.offline.envelopes.tensioning import ALLOWED
@@ -258,14 +258,16 @@ def in_case(case: str, verdicts: Sequence[RuleVerdict]) -> list[RuleVerdict]:
 
 
 def worst_verdicts(of_cases: Sequence[Sequence[RuleVerdict]]) -> list[RuleVerdict]:
-    """Worst verdict of each rule check over load cases; verdicts undecided for lack of a figure or case rank last.
+    """Worst verdict of each rule check over load cases, of equal ones that with the worst value.
+
+    Verdicts undecided for lack of a figure or case rank last.
 
     Args:
         of_cases: verdicts of each case, of equal profiles.
     """
 
-    def order(one: RuleVerdict) -> tuple[bool, int]:
-        return one.state == NOT_DECIDED and not one.limits, STATES.index(one.state)
+    def order(one: RuleVerdict) -> tuple[bool, tuple[int, float]]:
+        return one.state == NOT_DECIDED and not one.limits, severity(one)
 
     return [min(both, key=order) for both in zip(*of_cases, strict=True)]
 

@@ -12,6 +12,7 @@ import pytest
 from scipy.optimize import brentq
 
 from cable_twin.key_figures import KeyFigures, Subject, figure
+from cable_twin.key_figures.rules import RuleVerdict
 from cable_twin.offline import envelope
 from cable_twin.offline.envelopes.cases import CaseError, loading, read_cases
 from cable_twin.offline.envelopes.motion import StopSearch, run_dynamic
@@ -444,3 +445,20 @@ def test_the_picture_says_how_many_cases_move_and_its_axis_begins_at_zero(tmp_pa
 def test_files_of_examples_fit_the_scenarios_that_the_page_names(file, name, count):
     path = config_directory().parent / "examples" / f"{file}.yaml"
     assert len(read_cases(path, name, {})) == count
+
+
+def test_of_equal_verdicts_that_with_the_worst_value_is_shown():
+    def verdict(state, value, limits=(0.8,), comparison="at most"):
+        one = figure("adhesion_used", Subject("sheaves.drive", "drive"), "highest", value, 0.0)
+        texts = dict.fromkeys(("profile", "check", "document", "edition", "clause", "text"), "")
+        return RuleVerdict(**texts, state=state, figure=one, comparison=comparison, limits=limits)
+
+    for states, values, worst in (
+        (("kept", "kept", "kept"), (0.1, 0.55, 0.3), 0.55),
+        (("not kept", "not kept", "kept"), (0.9, 1.1, 0.3), 1.1),
+        (("not decided", "kept", "kept"), (0.79, 0.55, 0.3), 0.79),
+    ):
+        cases = [[verdict(*one)] for one in zip(states, values, strict=True)]
+        assert envelope.worst_verdicts(cases)[0].value == worst
+    unknown = [verdict("not decided", 0.9, limits=())]
+    assert envelope.worst_verdicts([unknown, [verdict("kept", 0.3)]])[0].state == "kept"

@@ -96,6 +96,9 @@ class Document(Strict):
     systems: Texts = Field(description="kinds of ropeway", min_length=1)
     carries: Literal["persons", "goods", "both"] = Field(description="load of the ropeways it is for")
     load_cases: dict[str, OneLine] = Field(default_factory=dict, description="load cases by name, in words")
+    wind_pressures: dict[str, float] = Field(
+        default_factory=dict, description="least wind of a load case by its name, in Pa: half the density times speed^2"
+    )
     checks: dict[str, Check] = Field(description="checks by id", min_length=1)
 
 

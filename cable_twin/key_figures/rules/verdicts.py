@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import hypot, inf
 from typing import Any
@@ -21,6 +21,7 @@ from cable_twin.scenario import Scenario
 KEPT, NOT_KEPT, NOT_DECIDED = "kept", "not kept", "not decided"
 WAIVABLE, OUTSIDE = "authority may allow", "does not apply"
 BROKEN = (NOT_KEPT, WAIVABLE)
+ALMOST = 0.99  # of the wind pressure of a load case, as speeds of wind are given in round numbers
 LONG = 100.0  # m, chord above which a span is long
 STATES = (NOT_KEPT, WAIVABLE, NOT_DECIDED, KEPT, OUTSIDE)  # the worst first
 OF_SEVERAL = {OUTSIDE: "do not apply"}  # words that differ for several checks
@@ -53,6 +54,11 @@ NEEDS = {
     "mass_per_person": "payload, and limits.installation.persons",
     "boarding_speed": "payload of a carriage",
 }
+# figures whose subjects all have one once the scenario has the data: what has none has not been judged
+OF_DATA = (
+    *("rope_safety_factor", "tested_safety_factor", "calculated_safety_factor", "diameter_ratio", "wire_ratio"),
+    *("radius_ratio", "saddle_acceleration", "roller_pressure"),
+)
 # what the haul rope in the drive of a carriage lacks of subjects with a role
 LACKS = {
     "haul_ropes": "a breaking force",
@@ -190,6 +196,9 @@ class Judge:
             return base.open(f"this run is {' and '.join(stated)} alone, a load case of certain rules")
         if case is not None and f"{profile.name}.{case}" not in self._scenario.limits.load_cases:
             return base.open(f"load case {profile.name}.{case} is not this run: {profile.document.load_cases[case]}")
+        needed, blows = profile.document.wind_pressures.get(case or "", 0.0), self._wind_pressure()
+        if ALMOST * needed > blows:
+            return base.open(f"load case {profile.name}.{case} has a wind of {needed:g} Pa, this run of {blows:.3g} Pa")
         quantity, compared, found = check.quantity or "", check.compared, self._matching(check.quantity or "")
         if self._at_rest and check.compared_at_rest is not None:
             compared = check.compared_at_rest
@@ -197,8 +206,32 @@ class Judge:
             quantity, compared, found = check.substitute, check.substitute_compared, self._matching(check.substitute)
         if not found:
             return base.open(self._why_none(check.quantity or ""))
-        verdicts = [self._of_figure(base, quantity, compared, one) for one in found]
-        return min(verdicts, key=lambda one: (STATES.index(one.state), _margin(one)))
+        worst = min((self._of_figure(base, quantity, compared, one) for one in found), key=severity)
+        if worst.state == KEPT and (lacking := self._without(quantity, found)):
+            name = quantity.partition("/")[0]
+            return base.open(f"{' and '.join(lacking)} without figure {name}, which needs {NEEDS[name]}")
+        return worst
+
+    def _without(self, quantity: str, found: Iterable[KeyFigure]) -> list[str]:
+        """Ropes, towers and bullwheels of a rule's role whose data do not give its figure, `found` of others."""
+        name, role, _ = quantity.split("/")
+        if name not in OF_DATA:
+            return []
+        having = {one.id.subject for one in found}
+        subjects = (
+            *(f"ropes.{rope}" for rope in self._scenario.cables),
+            *(f"towers.{tower}" for tower in self._scenario.towers),
+            *(f"sheaves.{wheel}" for wheel in self._scenario.sheaves),
+        )
+        kind = next(iter(having)).partition(".")[0]
+        of_kind = [one for one in subjects if one.partition(".")[0] == kind]
+        return [one for one in of_kind if self._subjects.has(role, one) and one not in having]
+
+    def _wind_pressure(self) -> float:
+        """Highest pressure (Pa) of the wind of a run, or of that of its scenario in a plane: ½ ρ v²."""
+        air = self._scenario.air
+        own = 0.5 * air.density * sum(one * one for one in air.wind)
+        return max((one.value for one in self._figures if one.id.quantity == "wind_pressure"), default=own)
 
     def _why_none(self, quantity: str) -> str:
         """Reason why a run has no figure of a rule's quantity/role/statistic."""
@@ -213,11 +246,20 @@ class Judge:
 
     def _matching(self, quantity: str) -> list[KeyFigure]:
         name, role, statistic = quantity.split("/")
-        wanted = [one for one in self._figures if (one.id.quantity, one.id.statistic) == (name, statistic)]
+        every = (
+            ("mean", "highest", "lowest") if name == "mean_deceleration" else (statistic,)
+        )  # of each of several stops
+        wanted = [one for one in self._figures if one.id.quantity == name and one.id.statistic in every]
+        if (name, role) == ("speed", "drives"):  # of a carriage on a haul rope that of the rope: the cabin bobs on it
+            driven = [one for one in self._figures if one.id.quantity == "drive_speed"]
+            hauled = {one.id.subject for one in driven}
+            wanted = driven + [one for one in wanted if one.id.subject not in hauled]
         return [one for one in wanted if self._subjects.has(role, one.id.subject)]
 
     def _of_figure(self, base: _Base, quantity: str, compared: str, figure: KeyFigure) -> RuleVerdict:
         check, facts = base.check, self._facts | subject_facts(self._scenario, figure.id.subject)
+        if self._at_rest:
+            figure = _with_place(figure)
         numbers = {name: value for name, value in facts.items() if isinstance(value, int | float)}
         base = base.with_figure(quantity, figure)
         try:
@@ -235,13 +277,15 @@ class Judge:
         off = (figure.uncertainty or 0.0) / base.scale
         value = figure.value / base.scale
         least = -inf if compared == "at least" else value - off
-        most = inf if compared == "at most" else value + off
+        most = inf if compared == "at most" or figure.unfinished else value + off
         kept = {_keeps(check.comparison or "", limits, end, allowance) for end in (least, most)}
         if kept == {True}:
             return base.made(KEPT, check.doubt)
         if _never_kept(check.comparison or "", limits, least, most):
             state = WAIVABLE if check.waiver else NOT_KEPT
             return base.made(state, "; ".join(filter(None, (check.waiver, check.doubt))))
+        if figure.unfinished:
+            return base.open("the figure is that so far, of what is not over")
         if figure.uncertainty and least < value < most:
             return base.open(f"within the uncertainty of {off:.2g} {base.check.unit}")
         if check.allowance is not None:
@@ -348,6 +392,17 @@ def _never_kept(comparison: str, limits: tuple[float, ...], least: float, most: 
     if comparison in ("at most", "below"):
         return not _keeps(comparison, limits, least, 0.0)
     return not (_keeps("at least", (low,), most, 0.0) and _keeps("at most", (high,), least, 0.0))
+
+
+def severity(verdict: RuleVerdict) -> tuple[int, float]:
+    """Key that sorts verdicts by severity: the worst state first, in it the value that is farthest beyond its limit."""
+    return STATES.index(verdict.state), _margin(verdict)
+
+
+def _with_place(figure: KeyFigure) -> KeyFigure:
+    """Key figure of a line at rest with the place of its vehicle, which it has for a time, in the text of the place."""
+    at = f"vehicle at {figure.time:.2f} m" if figure.time else ""
+    return replace(figure, time=0.0, place=", ".join(filter(None, (at, figure.place))))
 
 
 def _margin(verdict: RuleVerdict) -> float:
