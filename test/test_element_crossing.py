@@ -1,12 +1,14 @@
-"""Warning of a step with which a vehicle crosses nodes too fast."""
+"""Warnings of a step with which a vehicle crosses nodes too fast, or swings in too few steps."""
 
+import math
 import warnings
 
 import pytest
 
 from cable_twin.scenario import load_scenario
+from cable_twin.scenario.sections.vehicles import Body, Carriage
 from cable_twin.simulation import Simulation
-from cable_twin.simulation.start_checks import growing_steps, highest_speed
+from cable_twin.simulation.start_checks import growing_steps, highest_speed, swing_period
 
 # waves of about 220 m/s, so 0.1 of an element of 10.4 m in 5 ms: only what is as fast as 130 m/s is too fast
 PAPER = {"cable.joint": "paper", "cable.elements": 100}
@@ -44,6 +46,19 @@ def test_fewer_than_five_steps_in_an_element_of_a_joint_with_a_node_of_its_own_a
         UserWarning, match=r"solver\.step of 0\.\d+ s: a vehicle at its highest .* in [1-4]\.\d steps; below 5 "
     ):
         Simulation(load_scenario(name, changes))
+
+
+def test_fewer_than_twelve_steps_in_a_swing_are_warned_of():
+    still = {"carriages.cabin.drive.limits.speed": None, "carriages.cabin.joint": "fixed", "solver.step": 0.7}
+    with pytest.warns(UserWarning, match=r"solver\.step of 0\.7 s: 'cabin' swings once in 5\.\d s, in \d\.\d steps"):
+        Simulation(load_scenario("single_span", still))
+
+
+def test_the_period_of_a_swing_is_that_of_a_compound_pendulum():
+    rod = Body(mass=3.0, inertia=1.0, upper_pivot=(0.0, 1.0), lower_pivot=(0.0, -1.0))  # two, 4 m long together
+    pair = Carriage.model_construct(bodies={"upper": rod, "lower": rod})
+    assert swing_period(pair, 9.81) == pytest.approx(2.0 * math.pi * math.sqrt(2.0 / 3.0 * 4.0 / 9.81))
+    assert swing_period(pair, 0.0) == math.inf
 
 
 def test_limits():

@@ -87,8 +87,9 @@ NUMBERS = [  # one rope and several
     ("aerial_tramway", "towers.tower.position=[1e300, 10]", "in m; numbers of 1e-30 to 1e+15 in size, or 0"),
     ("chairlift", "towers.tower_1_up.position=[1e300, 1e300]", "in m; numbers of 1e-30 to 1e+15 in size, or 0"),
     ("seed_example", "carriages.carriage.bodies.rb1.upper_pivot=[0, 1e-300]", "of 1e-30 to 1e+15 in size, or 0"),
-    ("seed_example", "solver.step=1e-300", "a finite number at least 1e-06 and at most 10, in s"),
-    ("chairlift", "solver.step=1e308", "a finite number at least 1e-06 and at most 10, in s"),
+    ("seed_example", "solver.step=1e-300", "a finite number at least 1e-06 and at most 1, in s"),
+    ("chairlift", "solver.step=1e308", "a finite number at least 1e-06 and at most 1, in s"),
+    ("single_span", "solver.step=5", "a finite number at least 1e-06 and at most 1, in s"),
     ("seed_example", "gravity=1" + "0" * 400, "a finite number at least 0, in m/s^2"),
 ]
 

@@ -509,7 +509,7 @@ def test_keys_given_twice_are_faults_beside_the_others(tmp_path):
     assert faults_of(path) == (
         f"{path}: cable.elements: given twice, on lines {elements} and {elements + 1}; allowed: once",
         f"{path}: gravity: given twice, on lines 3 and {len(lines)}; allowed: once",
-        f"{path}: solver.step: given 0.0 s; allowed: a finite number at least 1e-06 and at most 10, in s",
+        f"{path}: solver.step: given 0.0 s; allowed: a finite number at least 1e-06 and at most 1, in s",
     )
 
 

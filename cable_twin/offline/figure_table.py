@@ -27,12 +27,12 @@ def table_console() -> Console:
 
 
 def print_figures(
-    console: Console, figures: Sequence[Sequence[KeyFigure]], *, at: str = "at", unit_at: str = "s"
+    console: Console, figures: Sequence[Sequence[KeyFigure]], *, at: str = "at", unit_at: str = "s", ended: str = ""
 ) -> None:
     """Print a table of key figures with a column for each run; time and place only for a single run.
 
-    `at` and `unit_at` are name and unit of the `time` of a figure, which is a place for a line at rest. On a narrow
-    terminal limit, time and place go to a line below.
+    `at` and `unit_at` are name and unit of the `time` of a figure, which is a place for a line at rest; `ended` is
+    the time, with its unit, of a run that ended early. On a narrow terminal limit, time and place go to a line below.
     """
     wide = console.width >= WIDE
     runs = [{figure.id: figure for figure in run} for run in figures]
@@ -70,7 +70,7 @@ def print_figures(
     usually = f"highest and lowest values are those of {usual}, unless a note beside the unit says otherwise"
     print_notes(console, notes, usually if usual else "")
     console.print()
-    for line in verdict_lines(figures, at, unit_at):
+    for line in verdict_lines(figures, at, unit_at, ended):
         style = "bold red" if line.endswith(" not kept:") else None
         wrapped = fill(line, console.width, subsequent_indent="    ")
         console.print(wrapped, markup=False, soft_wrap=True, style=style)
@@ -90,7 +90,9 @@ def print_notes(console: Console, notes: Sequence[str], last: str = "") -> None:
         console.print(filled, markup=False, soft_wrap=True)
 
 
-def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_at: str = "s") -> list[str]:
+def verdict_lines(
+    figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_at: str = "s", ended: str = ""
+) -> list[str]:
     """Summary lines of a table of key figures: limits that are not kept; arguments as in `print_figures`."""
     runs = [{figure.id: figure for figure in run if figure.limit is not None} for run in figures]
     ids = dict.fromkeys(key for run in runs for key in run)
@@ -107,7 +109,8 @@ def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_a
             each = "; ".join(_passed(one, at, unit_at, brief=len(runs) > 1) for one in passed)
             lines.append(f"  {passed[0].name}: {' or '.join(verdicts)}{who}: {each}")
     if not lines:
-        return [f"all {len(ids)} limits are kept" if len(ids) > 1 else "the limit is kept"]
+        until = f" up to {ended}, where the run ended early" if ended else ""
+        return [(f"all {len(ids)} limits are kept" if len(ids) > 1 else "the limit is kept") + until]
     return [f"{len(lines)} of {len(ids)} limits {'is' if len(lines) == 1 else 'are'} not kept:", *lines]
 
 

@@ -333,7 +333,7 @@ def report(
         run: log of the run, or None.
         faults: failures, a line each.
     """
-    print_figures(table_console(), [figures])
+    print_figures(table_console(), [figures], ended=f"{outcome.time:.2f} s" if outcome.fault else "")
     print_verdicts(table_console(), profiles_of(scenario), judge(scenario, figures), scenario)
     warned = [one for one in figures if one.kept is False and one.id.quantity in ("energy_lost", "derailed")]
     met = [one for one in figures if one.id.quantity in ("buffer_force", "end_stop_speed")]

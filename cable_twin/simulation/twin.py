@@ -44,6 +44,7 @@ from cable_twin.simulation.start_checks import (
     warn_of_frames,
     warn_of_mesh,
     warn_of_saddles,
+    warn_of_swings,
 )
 from cable_twin.simulation.vehicle_contacts import VehicleContacts
 
@@ -177,6 +178,7 @@ class Simulation(Queries):
                 warn_of_frames(part.system, rope)
                 warn_of_mesh(part.scenario, part.system)
                 warn_of_saddles(part.scenario, rope)
+                warn_of_swings(part.scenario)
                 if scenario.solver.integrator == "generalized_alpha":
                     warn_of_crossing(part.scenario, scenario, part.system, rope)
             if meanwhile is not None:

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 import pytest
 from bags import NO_BAGS, bag
+from named_figures import named
 from small_tramway import TRAMWAY
 from twin_process import COMPILING, TwinProcess, environment, run_module, wait_until, write_quick_scenario
 
@@ -279,3 +280,9 @@ def test_a_slow_run_with_the_default_step_says_that_it_may_be_longer(step, wall_
     scenario = load_scenario(TRAMWAY, {"solver.step": step})
     _, said = report_of(scenario, Outcome(time=5.0, wall_time=wall_time), capsys)
     assert ("slower than real time with solver.step at its default of 0.001 s" in said) == told
+
+
+def test_limits_of_a_run_that_failed_are_kept_only_up_to_there(capsys):
+    fault, figures = "step 4 (to 20 s) failed", [named("sag", 4.0, "m", 1.0, limit=5.0)]
+    assert report(load_scenario(TRAMWAY), 0.0, Outcome(time=15.0, wall_time=1.0, fault=fault), figures, None, [fault])
+    assert "\nthe limit is kept up to 15.00 s, where the run ended early\n" in capsys.readouterr().out
