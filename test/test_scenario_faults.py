@@ -312,6 +312,63 @@ def test_keys_that_contradict_each_other_are_told(source, overrides, said):
     assert any(said in fault for fault in faults_of(source, overrides)), faults_of(source, overrides)
 
 
+BODY = "carriages.cabin.bodies.cabin"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        (
+            "cable.breaking_force",
+            4.95,
+            "given 4.95 N: with the axial_stiffness of 482000000.0 N a strain of 1.03e-06 %",
+        ),
+        (
+            "cable.tested_breaking_force",
+            4950.0,
+            "of steel ropes 0.5 to 3 %; allowed: 48200 to 9.64e+08 N, for 0.01 to 2",
+        ),
+        ("cable.calculated_breaking_force", 4.95e9, "a strain of 1030 %"),
+        (
+            "cable.axial_stiffness",
+            482e3,
+            "breaking_force: given 4950000.0 N: with the axial_stiffness of 482000.0 N a str",
+        ),
+        ("cable.metal_area", 3013.0, "a density of 0.0084 kg/m^3; allowed: 0.00101 to 25.3 m^2, for 1 to 25000 kg/m^3"),
+        (
+            "cable.bending_stiffness",
+            1e11,
+            "a solid bar of its diameter and axial_stiffness has 131000 N m^2; allowed: up",
+        ),
+        ("cable.largest_wire", 5.0, "given 5.0 m; allowed: a finite number above 0 and at most 0.05, in m, or null"),
+        (
+            "cable.ice_density",
+            0.9,
+            "given 0.9 kg/m^3; allowed: a finite number at least 10 and at most 1000, in kg/m^3",
+        ),
+        ("cable.drag_coefficient", 120.0, "allowed: a finite number at least 0 and at most 10"),
+        ("air.density", 1225.0, "given 1225.0 kg/m^3; allowed: a finite number at least 0 and at most 10, in kg/m^3"),
+        ("carriages.cabin.friction.rolling", 5.0, "given 5.0; allowed: a finite number at least 0 and at most 1"),
+        ("towers.tower.friction", 3.0, "allowed: a finite number at least 0 and at most 2, or null"),
+        ("limits.swing", 20.0, "given 20.0 rad; allowed: a finite number above 0 and at most 3.14, in rad, or null"),
+        (
+            f"{BODY}.drag_area",
+            11e6,
+            "given 11000000.0 m^2; allowed: a finite number at least 0 and at most 1000, or a",
+        ),
+        (f"{BODY}.upper_pivot", [0.0, 1500.0], "given [0.0, 1500.0] m; allowed: within 100 m of the centre of mass"),
+        (
+            f"{BODY}.mass",
+            3.1,
+            "inertia: given 7556.0 kg m^2: a radius of gyration of 49.4 m with the mass of 3.1 kg; al",
+        ),
+    ],
+)
+def test_values_in_a_wrong_unit_are_refused(key, value, said):
+    fault, *_ = faults_of("aerial_tramway", {key: value})
+    assert said in fault
+
+
 def test_what_is_of_space_in_a_plane_is_named_with_its_unit():
     given = "three numbers in a plane; allowed: x, z in"
     other = "x, y, z only with `space: 3` or if all positions have x, y, z"
@@ -336,6 +393,11 @@ def test_what_is_of_space_in_a_plane_is_named_with_its_unit():
             "given 'universal': in a plane; allowed: 'revolute', the",
         ),
         ("carriages.cabin.bodies.cabin.roll_damping", 9.0, "given 9.0 N m s/rad: in a plane; allowed: 0.0 N m s/rad, "),
+        (
+            "carriages.cabin.bodies.cabin.drag_area",
+            [11.0, 15.0, 9.0],
+            "given [11.0, 15.0, 9.0] m^2: in a plane; allowed: [11.0, 0.0, 9.0] m^2; a y of its own in space only",
+        ),
         ("towers.tower.groove", 9.0, "given 9.0 1/m: in a plane; allowed: 20.0 1/m, the default; others in space only"),
         ("towers.tower.groove_friction", 0.1, "given 0.1: in a plane; allowed: 0.0, the default; others in space only"),
         ("towers.tower.groove_height", 0.1, "given 0.1 m: in a plane; allowed: 0.05 m, the default; others in space"),

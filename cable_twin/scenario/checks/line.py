@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import atan2, copysign, degrees, dist, hypot, nan, pi, sqrt
+from math import atan2, copysign, degrees, dist, hypot, nan
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
 from cable_twin.scenario.builders.system import build_system, tower_axes
 from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, name_faults, of_space, refuse, show
+from cable_twin.scenario.checks.wrong_units import rope_faults
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.line import MOST_ELEMENTS, Cable, EndSupport, Grading, Tower
 from cable_twin.scenario.sections.quantities import Vector
@@ -21,7 +22,6 @@ LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
 HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a position
 MOST_TURN = 60.0  # degrees in plan at a tower; sheave assemblies deflect a rope by a few, and stations by more
 ALONG = 0.9  # cosine to the rope from which on a groove opens along it
-DENSITIES = 1.0, 25e3  # kg/m^3 by the diameter; of steel 4500 to 8500, of a rope without mass in a study less
 IN_GROOVE = ("groove", "groove_friction", "groove_height", "derailment_ratio")  # of a tower, sideways
 DIRECTION = "a direction, not all numbers zero"
 ONLY_SPACE = "null; for scenarios in space only"
@@ -30,7 +30,7 @@ ONLY_SPACE = "null; for scenarios in space only"
 def line_faults(scenario: Scenario) -> Iterator[Fault]:
     """Errors in a scenario of one rope: ends, mesh, towers, loads and terrain; key paths start with `cable`."""
     yield from _dimensions(scenario)
-    yield from _density(scenario.cable)
+    yield from rope_faults(scenario.cable)
     yield from _grading(scenario.cable)
     yield from _joint(scenario)
     yield from _supports(scenario)
@@ -68,18 +68,6 @@ def _dimensions(scenario: Scenario) -> Iterator[Fault]:
 def _unit(path: KeyPath) -> str:
     """Unit of a vector for an error message, such as " in m"; empty for a direction."""
     return {"position": " in m", "force": " in N", "wind": " in m/s"}.get(str(path[-1]), "")
-
-
-def _density(cable: Cable) -> Iterator[Fault]:
-    """Error of a rope whose mass and diameter make no rope, such as a diameter in mm."""
-    if cable.diameter is None:
-        return
-    density = cable.mass_per_length / (0.25 * pi * cable.diameter**2)
-    if density < DENSITIES[0] or density > DENSITIES[1]:
-        thick, thin = (sqrt(cable.mass_per_length / (0.25 * pi * limit)) for limit in DENSITIES)
-        allowed = f"{rounded(thin, 3)} to {rounded(thick, 3)} m, for {DENSITIES[0]:g} to {DENSITIES[1]:g} kg/m^3"
-        why = f"with the mass_per_length of {show(cable.mass_per_length, 'kg/m')} a density of {density:.3g} kg/m^3"
-        yield refuse(("cable", "diameter"), cable.diameter, allowed, why)
 
 
 def _grading(cable: Cable) -> Iterator[Fault]:

@@ -12,7 +12,18 @@ import numpy as np
 from cable_twin.basics.units import with_unit
 from cable_twin.scenario.builders.outlines import reach_along
 from cable_twin.scenario.builders.vehicles import BRAKES, inertia_tensor, stop_stroke
-from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, listed, name_faults, of_space, refuse
+from cable_twin.scenario.checks.fault import (
+    NOTHING,
+    Fault,
+    KeyPath,
+    Phrase,
+    listed,
+    name_faults,
+    of_space,
+    refuse,
+    show,
+)
+from cable_twin.scenario.checks.wrong_units import body_faults
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.drives import Limits
 from cable_twin.scenario.sections.vehicles import Body, Carriage, CarrierPayload, Carriers, Payload
@@ -192,8 +203,13 @@ def _bodies(scenario: Scenario, path: KeyPath, bodies: Bodies) -> Iterator[Fault
             if given is not None and len(given) > scenario.dim:
                 yield refuse((*own, key), given, "x, z in m", "three numbers in a plane")
         yield from _inertia(scenario, (*own, "inertia_tensor"), body)
+        yield from body_faults(own, body)
         if scenario.dim == 2:
             yield from of_space(own, body, ("turns", "roll_damping"))
+            if isinstance(body.drag_area, tuple) and body.drag_area[1] != 0.0:
+                x, _, z = body.drag_area
+                allowed = f"{show([x, 0.0, z], 'm^2')}; a y of its own in space only"
+                yield refuse((*own, "drag_area"), body.drag_area, allowed, "in a plane")
 
 
 def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:

@@ -54,7 +54,9 @@ class Turbulence(Section):
 class Air(Section):
     """Air acting on ropes with a diameter and bodies with a drag area; wind without either is refused."""
 
-    density: float = quantity("kg/m^3", "density of the air, by default at 15 degrees and sea level", 1.225, ge=0)
+    density: float = quantity(
+        "kg/m^3", "density of the air, by default at 15 degrees and sea level", 1.225, ge=0, le=10
+    )
     temperature: float = quantity(
         "degC",
         "temperature of ropes at the start, which strains them by their thermal_expansion",

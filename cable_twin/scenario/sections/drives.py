@@ -41,7 +41,7 @@ class HaulRope(Section):
 
     axial_stiffness: float = quantity("N", "EA of the haul rope", gt=0)
     mass_per_length: float = quantity("kg/m", "mass per length of the haul rope", gt=0)
-    damping_ratio: float = quantity("-", "damping ratio of the carriage oscillating on the haul rope", 0.01, ge=0)
+    damping_ratio: float = quantity("-", "damping ratio of the carriage oscillating on the haul rope", 0.01, ge=0, le=1)
     station: Literal["start", "end"] = Field(default="end", description="end of the track with the drive sheave")
     beyond_track: float = quantity("m", "rope between the end of the track and the drive sheave", 10.0, gt=0)
     pretension: float = quantity(
@@ -54,7 +54,7 @@ class Brake(Section):
     """Brake: holds up to its force and slips beyond."""
 
     force: float = quantity("N", "highest force along the rope", gt=0)
-    rise_time: float = quantity("s", "time from the stop command to the highest force", 0.0, ge=0)
+    rise_time: float = quantity("s", "time from the stop command to the highest force", 0.0, ge=0, le=60)
 
 
 StopMeans = Literal["drive", "service_brake", "emergency_brake", "track_rope_brake"]

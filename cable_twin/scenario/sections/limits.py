@@ -110,6 +110,7 @@ class KeyFigureLimits(Section):
         0.35,
         source="assumed: clearance usually allows for 0.35 rad (20 deg)",
         gt=0,
+        le=3.14,
     )
     lateral_swing: float | None = limit(
         "rad",
@@ -118,6 +119,7 @@ class KeyFigureLimits(Section):
         source=VORARLBERG,
         clause="section 6: 20 % across, 11.31 deg",
         gt=0,
+        le=1.57,
     )
     tower_clearance: float | None = limit(
         "m",

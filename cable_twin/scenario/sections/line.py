@@ -94,7 +94,7 @@ class Cable(Section):
         "N", "breaking force of a sample in a test, which some rules compare", None, gt=0
     )
     metal_area: float | None = quantity("m^2", "metallic cross-section of the rope, for rules", None, gt=0)
-    largest_wire: float | None = quantity("m", "diameter of the thickest wire, for rules", None, gt=0)
+    largest_wire: float | None = quantity("m", "diameter of the thickest wire, for rules", None, gt=0, le=0.05)
     bending_stiffness: float = quantity("N m^2", "EI, resistance of the rope to bending", ge=0)
     elements: Elements = Field(
         description="number of elements of equal unstrained length (-), or lengths of a graded mesh",
@@ -133,9 +133,9 @@ class Cable(Section):
         0.0,
     )
     diameter: float | None = quantity("m", "diameter, for wind loads; null: no drag", None, gt=0)
-    drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0)
+    drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0, le=10)
     ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
-    ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, gt=0)
+    ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, ge=10, le=1000)
     thermal_expansion: float = quantity(
         "1/K",
         "thermal strain per kelvin, by default rounded from 11.8e-6 of strand at 0 degC in Xie and Yan (2018), table 2",
@@ -205,7 +205,7 @@ class Tower(Section):
         0.5,
         gt=0,
     )
-    groove_friction: float = quantity("-", "in space, lateral friction in the groove per normal force", 0.0, ge=0)
+    groove_friction: float = quantity("-", "in space, lateral friction in the groove per normal force", 0.0, ge=0, le=2)
     groove_height: float = quantity(
         "m", "in space, height above all contacts at which the rope has left the tower; assumed", 0.05, gt=0
     )
@@ -222,7 +222,7 @@ class Tower(Section):
     )
     mast_width: float | None = quantity("m", "in space, width of the mast, which ends at the rope", None, gt=0)
     friction: float | None = quantity(
-        "-", "friction along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
+        "-", "friction along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0, le=2
     )
 
 

@@ -15,7 +15,7 @@ def _shape(area: Any) -> str:
     return "#axes" if isinstance(area, list | tuple) else "#number"
 
 
-Area = Annotated[float, Field(ge=0)]
+Area = Annotated[float, Field(ge=0, le=1000)]
 Areas = Annotated[
     Annotated[Area, Tag("#number")] | Annotated[tuple[Area, Area, Area], FromList, Tag("#axes")],
     Discriminator(_shape),
@@ -28,7 +28,7 @@ Areas = Annotated[
 class Friction(Section):
     """Friction of a carriage along the cable."""
 
-    rolling: float = quantity("-", "resistance per normal contact force", 0.0, ge=0)
+    rolling: float = quantity("-", "resistance per normal contact force", 0.0, ge=0, le=1)
     viscous: float = quantity("N s/m", "resistance per speed", 0.0, ge=0)
 
 
@@ -124,7 +124,7 @@ class Body(Section):
         description="drag coefficient times area: of any direction, or of wind along x, y, z of the body (m^2)",
         json_schema_extra={
             "unit": "m^2",
-            "allowed": "a finite number at least 0, or a list of 3, along x, y, z, in m^2",
+            "allowed": "a finite number at least 0 and at most 1000, or a list of 3, along x, y, z, in m^2",
         },
     )
     shedding: Shedding | None = Field(default=None, description="in space, vortex shedding; null: none")

@@ -1,0 +1,73 @@
+"""Checks for values that no rope and no vehicle has, as those in another unit: mm for m, kN for N, t for kg.
+
+Limits are wide enough for studies: ropes without mass, soft or stiff ones, and points as vehicles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot, pi, sqrt
+
+from cable_twin.basics.units import rounded
+from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse, show
+from cable_twin.scenario.sections.line import Cable
+from cable_twin.scenario.sections.vehicles import Body
+
+DENSITIES = (
+    1.0,
+    25e3,
+)  # kg/m^3 by the diameter or metal_area; of steel 4500 to 8500, of a rope without mass in a study less
+STRAINS = (
+    1e-4,
+    2.0,
+)  # at the breaking force: of steel ropes 0.005 to 0.03, in kN a thousandth of that, of EA in kN 1000 times
+STIFFEST = 100.0  # of the bending stiffness of a solid bar of the same diameter, the most that a rope has
+SPREAD = 100.0  # of the moment of inertia of a body whose mass is in the corners of its size
+FARTHEST = 100.0  # m, of a pivot from the centre of mass
+
+
+def rope_faults(cable: Cable) -> Iterator[Fault]:
+    """Errors of a rope's diameter, metal area, breaking forces and bending stiffness beside its mass and stiffness."""
+    mass, stiffness = cable.mass_per_length, cable.axial_stiffness
+    with_mass = f"with the mass_per_length of {show(mass, 'kg/m')}"
+    for key, power, factor in (("diameter", 2, 0.25 * pi), ("metal_area", 1, 1.0)):
+        given = getattr(cable, key)
+        if given is None or not (density := mass / (factor * given**power)):
+            continue
+        if density < DENSITIES[0] or density > DENSITIES[1]:
+            most, least = ((mass / (factor * limit)) ** (1.0 / power) for limit in DENSITIES)
+            unit = "m" if key == "diameter" else "m^2"
+            allowed = (
+                f"{rounded(least, 3)} to {rounded(most, 3)} {unit}, for {DENSITIES[0]:g} to {DENSITIES[1]:g} kg/m^3"
+            )
+            yield refuse(("cable", key), given, allowed, f"{with_mass} a density of {density:.3g} kg/m^3")
+    for key in ("breaking_force", "calculated_breaking_force", "tested_breaking_force"):
+        given = getattr(cable, key)
+        if given is not None and (given < STRAINS[0] * stiffness or given > STRAINS[1] * stiffness):
+            low, high = (rounded(strain * stiffness, 3) for strain in STRAINS)
+            allowed = f"{low} to {high} N, for {100.0 * STRAINS[0]:g} to {100.0 * STRAINS[1]:g} %"
+            strain = rounded(100.0 * given / stiffness, 3)
+            why = (
+                f"with the axial_stiffness of {show(stiffness, 'N')} a strain of {strain} %, of steel ropes 0.5 to 3 %"
+            )
+            yield refuse(("cable", key), given, allowed, why)
+    if cable.diameter is not None and cable.bending_stiffness > STIFFEST * (
+        bar := stiffness * cable.diameter**2 / 16.0
+    ):
+        why = f"a solid bar of its diameter and axial_stiffness has {rounded(bar, 3)} N m^2"
+        allowed = f"up to {rounded(STIFFEST * bar, 3)} N m^2, {STIFFEST:g} times that"
+        yield refuse(("cable", "bending_stiffness"), cable.bending_stiffness, allowed, why)
+
+
+def body_faults(path: KeyPath, body: Body) -> Iterator[Fault]:
+    """Errors of a body's pivots far from its centre of mass, and of an inertia that its mass and size do not have."""
+    for key in ("upper_pivot", "lower_pivot"):
+        given = getattr(body, key)
+        if given is not None and hypot(*given) > FARTHEST:
+            yield refuse((*path, key), given, f"within {FARTHEST:g} m of the centre of mass")
+    most = SPREAD * body.mass * hypot(*(body.size or (0.0, 0.0))) ** 2 / 4.0
+    if body.inertia > most > 0.0:
+        radius = sqrt(body.inertia / body.mass)
+        why = f"a radius of gyration of {rounded(radius, 3)} m with the mass of {show(body.mass, 'kg')}"
+        allowed = f"up to {rounded(most, 3)} kg m^2, for the size of {show(body.size, 'm')}"
+        yield refuse((*path, "inertia"), body.inertia, allowed, why)
