@@ -369,6 +369,17 @@ def test_values_in_a_wrong_unit_are_refused(key, value, said):
     assert said in fault
 
 
+@pytest.mark.parametrize("name", ["chairlift", "jig_back"])
+@pytest.mark.parametrize("end", ["foo.start", "down.end"])
+def test_wrongly_joined_ends_are_told_alone(name, end):
+    """Without lengths, orders of towers, carriers and travels, which are wrong by them."""
+    wheel = load_scenario(name).sheaves["drive"]
+    joins = [wheel.joins[0], end] if end == "foo.start" else [f"{wheel.ropes[1]}.end", wheel.joins[1]]
+    (fault,) = faults_of(name, {"sheaves.drive.joins": joins})
+    assert "sheaves.drive.joins" in fault
+    assert len(faults_of(name, {"sheaves.drive.joins": joins, "air.wind": [500.0, 0.0]})) == 2
+
+
 def test_what_is_of_space_in_a_plane_is_named_with_its_unit():
     given = "three numbers in a plane; allowed: x, z in"
     other = "x, y, z only with `space: 3` or if all positions have x, y, z"

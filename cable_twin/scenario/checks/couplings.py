@@ -73,7 +73,7 @@ def _single_rope(scenario: Scenario) -> Iterator[Fault]:
 
 def _bullwheels(scenario: Scenario) -> Iterator[Fault]:
     """Errors in a scenario's entries for bullwheels: joined rope ends, tensioning devices, rollback, and loops."""
-    joined: dict[str, str] = {}
+    joined: dict[str, str] = {}  # bullwheels by the ends that they join; none of ends that they join by mistake
     sound = True
     for name, sheave in scenario.sheaves.items():
         path: KeyPath = ("sheaves", name)
@@ -96,8 +96,12 @@ def _bullwheels(scenario: Scenario) -> Iterator[Fault]:
                 (*path, "rollback"), sheave.rollback, "null for a bullwheel without drive", "no drive turns it"
             )
         if not faults:
-            yield from _placed(scenario, path, sheave)
+            misplaced = list(_placed(scenario, path, sheave))
+            yield from misplaced
             yield from _pulled(scenario, path, sheave)
+            if any(fault.path[-1] == "joins" for fault in misplaced):
+                sound = False
+                joined = {end: by for end, by in joined.items() if by != name}
     if sound and scenario.sheaves:
         yield from _loops(scenario)
 

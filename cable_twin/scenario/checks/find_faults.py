@@ -29,6 +29,7 @@ from cable_twin.scenario.checks.line import equilibrium_faults, line_faults
 from cable_twin.scenario.checks.vehicles import carrier_faults, drive_faults, name_conflicts, vehicle_faults
 from cable_twin.scenario.schema import Scenario
 
+BY_JOINS = ("ropes", "towers", "carriers", "drives", "sheaves")  # which wrongly joined ends make wrong as well
 LARGEST, SMALLEST = 1e15, 1e-30  # of a number in SI units, by size
 
 
@@ -55,7 +56,8 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
         salvaged = _salvage(Scenario, data, set(found))
         return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]
     faults = list(_implausible(scenario)) or list(equilibrium_faults(scenario))
-    faults.sort(key=lambda fault: "joins" not in fault.path)  # wrongly joined ends cause other faults
+    if any("joins" in fault.path for fault in faults):
+        faults = [fault for fault in faults if "joins" in fault.path or fault.path[0] not in BY_JOINS]
     return (None if faults else scenario), faults
 
 
