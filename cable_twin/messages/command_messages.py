@@ -221,7 +221,7 @@ def _kind_meant(kinds: Mapping[str, Kind], what: str, names: int, fields: Mappin
     if not names:
         raise CommandError(f"{what} without names; name at least one carriage or drive")
     if len(given) != 1:
-        which = f"both {' and '.join(given)}" if given else f"neither {' nor '.join(kinds)}"
+        which = f"both {' and '.join(given)}" if given else f"neither position, {' nor '.join(kinds)}"
         raise CommandError(f"{what} with {which}; give one of {known}")
     kind = kinds[given[0]]
     if len(fields[kind.field]) != names:

@@ -126,14 +126,14 @@ class PointToPoint:
         return self._filters[1]
 
 
-def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, float] | None = None) -> float:
+def target_of(scenario: Scenario, name: str, place: str | float, towers: Mapping[str, float] | None = None) -> float:
     """Convert a place to drive to into an arc length (m) of a carriage, or a cable travel (m) of a drive.
 
     Args:
         scenario: running scenario.
         name: name of the carriage or drive.
-        place: number of metres, tower, or one of `STATIONS`, before whose end stop a carriage stops; for a drive,
-            "start" and "end" are the ends of its travel.
+        place: metres; or as a text metres, a tower, or one of `STATIONS`, before whose end stop a carriage stops; for
+            a drive, "start" and "end" are the ends of its travel.
         towers: arc length (m) of the cable at each tower, by name.
 
     Raises:
@@ -144,25 +144,24 @@ def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, fl
     except ValueError:
         metres = math.nan
     low, high = places_of(scenario, name)
+    given = f"{place:g} m" if isinstance(place, float) else repr(place)
     if name in scenario.drives:
-        metres = {"start": low, "end": high}.get(place, metres)
+        metres = {"start": low, "end": high}.get(str(place), metres)
         if math.isfinite(metres) and low <= metres <= high:
             return metres
-        allowed = (
-            f"{low:g} to {high:g} m of cable travel, or start, end" if math.isfinite(low) else "cable travel, in m"
-        )
-        raise ValueError(f"place for '{name}': given {place!r}; allowed: {allowed}")
+        names = ", or start, end" if isinstance(place, str) else ""
+        allowed = f"{low:g} to {high:g} m of cable travel{names}" if math.isfinite(low) else "cable travel, in m"
+        raise ValueError(f"place for '{name}': given {given}; allowed: {allowed}")
     rope = scenario.carriages[name].rope
     cable = scenario.cable if rope is None else scenario.ropes[rope]
     ends = {"start": low, "end": high}
     downwards = cable.start.position[-1] > cable.end.position[-1]
     ends["lower_station"], ends["upper_station"] = sorted(ends.values(), reverse=downwards)
-    target = {**(towers or {}), **ends}.get(place, metres)
+    target = {**(towers or {}), **ends}.get(str(place), metres)
     if not low <= target <= high:
-        raise ValueError(
-            f"place for '{name}': given {place!r}; allowed: {low:.6g} to {high:.6g} m along the cable, or "
-            f"{', '.join((*STATIONS, *scenario.towers))}"
-        )
+        names = f", or {', '.join((*STATIONS, *scenario.towers))}" if isinstance(place, str) else ""
+        allowed = f"{low:.6g} to {high:.6g} m along the cable{names}"
+        raise ValueError(f"place for '{name}': given {given}; allowed: {allowed}")
     return target
 
 
@@ -198,7 +197,7 @@ class Goals:
             at_most = goal.at_most.get(name)
             check_drive(Command("speed", {name: at_most or 0.0}), simulation.scenario)
             try:
-                target = target_of(simulation.scenario, name, repr(place))
+                target = target_of(simulation.scenario, name, place)
                 found[name] = PointToPoint(simulation.scenario, name, target, at_most)
             except ValueError as error:
                 raise CommandError(str(error)) from None

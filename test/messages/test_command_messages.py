@@ -130,7 +130,7 @@ def test_commands_understood(make):
     ("given", "complaint"),
     [
         (([], [], [1.0], []), "without names"),
-        ((["a"], [], [], []), "neither velocity nor effort"),
+        ((["a"], [], [], []), "with neither position, velocity nor effort; give one of"),
         ((["a"], [], [1.0], [1.0]), "both velocity and effort"),
         ((["a", "b"], [], [1.0], []), "2 names and 1 values of velocity"),
         ((["a"], [], [], [1.0, 2.0]), "1 names and 2 values of effort"),
