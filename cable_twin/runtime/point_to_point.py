@@ -27,6 +27,7 @@ SHARE = 0.7  # of the drive's acceleration and deceleration that the profile use
 LANDING = 0.5  # s, time constant of the last decimetres
 STRETCHING, STIFF = 3.0, 1.0  # s, time constant of the filter with an elastic haul rope, and without
 STALLED = 60.0  # s of simulated time without progress, after which a goal is abandoned
+TOLD = 60.0  # s of simulated time, for which the reason of an abandoned goal is told
 PERIOD = 0.05  # s of simulated time between two speeds
 STATIONS = ("start", "end", "lower_station", "upper_station")
 SOURCE, ARRIVAL = "goal", "arrival"  # logged source of speeds on the way, and of the speed 0 on arrival
@@ -173,7 +174,8 @@ class Goals:
         tell: called with a message about an arrival (False) or an abandoned goal (True).
 
     Attributes:
-        texts: state of the newest goal of each carriage or drive, in words.
+        texts: state of the goal of each carriage or drive, in words; of an arrival until it is commanded otherwise, of
+            an abandoned goal for `TOLD`. Replaced as a whole, for readers in other threads.
     """
 
     def __init__(self, simulation: Simulation, tell: Callable[[str, bool], object]) -> None:
@@ -181,6 +183,7 @@ class Goals:
         self._rows = {name: row for row, name in enumerate(driven_names(simulation.layout))}
         self._commanded = {name: row for row, name in enumerate(simulation.layout.commanded)}
         self._under_way: dict[str, tuple[PointToPoint, float]] = {}  # motion and its start (s of simulated time)
+        self._abandoned: dict[str, float] = {}  # simulated time (s)
         self._next = 0.0  # simulated time (s) of the next speeds
         self.texts: dict[str, str] = {}
 
@@ -208,12 +211,14 @@ class Goals:
             if before is not None:
                 motion.continue_from(before)
             self._under_way[name] = motion, simulation.time
-            self.texts[name] = f"on its way to {motion.target:.2f} m"
+            self._say(name, f"on its way to {motion.target:.2f} m")
         self._next = min(self._next, simulation.time)
 
     def commands(self) -> Iterator[tuple[Command, str]]:
         """Speed commands due at the present time with their source, each to be applied before the next is taken."""
         simulation = self._simulation
+        for name in [name for name, since in self._abandoned.items() if simulation.time - since > TOLD]:
+            self._say(name)
         if not self._under_way or simulation.time < self._next - 1e-9:
             return
         self._next = simulation.time + PERIOD
@@ -231,22 +236,32 @@ class Goals:
             elif value is None:
                 del self._under_way[name]
                 away = f"{abs(motion.target - place):.2f} m from {motion.target:.2f} m"
-                self.texts[name] = f"arrived at {place:.2f} m, {away}"
+                self._say(name, f"arrived at {place:.2f} m, {away}")
                 self._tell(f"{name} has {self.texts[name]}, after {snapshot.time - since:.1f} s", False)
                 yield Command("speed", {name: 0.0}), ARRIVAL
             else:
                 yield Command("speed", {name: value}), SOURCE
 
     def note(self, command: Command, source: str) -> None:
-        """Record an applied command, and abandon the goals overridden by the command."""
+        """Record an applied command: goals that it overrides are abandoned, and arrivals before it told no more."""
         kind = KINDS[command.kind]
         if source not in (SOURCE, ARRIVAL) and (kind.drives or kind.halts):
-            for name in list(self._under_way):
+            for name in self.texts.keys() - self._abandoned.keys():
                 if kind.halts or name in command.values:
-                    self.abandon(name, f"{command.kind.replace('_', ' ')} from {source} took over")
+                    if name in self._under_way:
+                        self.abandon(name, f"{command.kind.replace('_', ' ')} from {source} took over")
+                    else:
+                        self._say(name)
 
     def abandon(self, name: str, why: str) -> None:
         """Abandon the goal of a carriage or drive."""
         del self._under_way[name]
-        self.texts[name] = f"abandoned: {why}"
+        self._say(name, f"abandoned: {why}")
+        self._abandoned[name] = self._simulation.time
         self._tell(f"{ABANDONED}{name}: {why}", True)
+
+    def _say(self, name: str, text: str = "") -> None:
+        """Set the text about a goal; without one, remove it."""
+        self._abandoned.pop(name, None)
+        others = {other: said for other, said in self.texts.items() if other != name}
+        self.texts = {**others, name: text} if text else others

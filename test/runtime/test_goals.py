@@ -12,7 +12,7 @@ from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.frame.records import Command, CommandError, Goal
 from cable_twin.ros.client.driver import points_of, tower_places
-from cable_twin.runtime.point_to_point import SOURCE, Goals
+from cable_twin.runtime.point_to_point import SOURCE, TOLD, Goals
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -106,6 +106,23 @@ def test_what_else_is_commanded_takes_over(driven):
         assert not list(driven.goals.commands())
     with pytest.raises(CommandError, match="the emergency stop is in force"):
         driven.goals.take(goal)
+
+
+def test_an_arrival_is_told_until_another_command_and_a_reason_for_a_minute(driven):
+    driven.goals.take(Goal({"cabin": driven.simulation.snapshot.carriages["cabin"].arc_length}, {}))
+    driven.run(60.0)
+    assert "arrived" in driven.goals.texts["cabin"]
+    driven.apply(Command("wind", {"x": 1.0, "z": 0.0}), "wind")
+    assert "arrived" in driven.goals.texts["cabin"]
+    driven.apply(Command("speed", {"cabin": 0.0}), "joint_commands")
+    assert driven.goals.texts == {}
+    driven.goals.take(Goal({"cabin": 50.0}, {}))
+    driven.apply(Command("reset", {}), "reset")
+    driven.run(TOLD - FRAME)
+    driven.apply(Command("speed", {"cabin": 0.0}), "joint_commands")
+    assert driven.goals.texts["cabin"] == "abandoned: reset from reset took over"
+    driven.run(3.0 * FRAME)
+    assert driven.goals.texts == {}
 
 
 def test_another_place_on_the_way_is_gone_on_to_without_a_stop(driven):
