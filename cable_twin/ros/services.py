@@ -167,7 +167,7 @@ class Services:
         continue.
         """
         if not self._loop.paused:
-            return False, "not paused: call ~/pause with true first"
+            return False, "not paused: call ~/pause with true first, as drive --pause does"
         stepping = self._loop.step(count, on_frame)
         await done(stepping)
         if stepping.cancelled():

@@ -332,7 +332,7 @@ class twin_line:  # noqa: N801 - stands for a text
 
 def test_it_pauses_steps_and_resumes(twin, request_of):
     code, output = request_of("--step", "2")
-    assert (code, output) == (1, "drive: /cable_twin: not paused: drive --pause first")
+    assert (code, output) == (1, "drive: /cable_twin: not paused: call ~/pause with true first, as drive --pause does")
     code, output = request_of("--pause")
     assert code == 0
     (paused_at,) = re.fullmatch(r"/cable_twin: paused at (\d+\.\d{3}) s of simulated time", output).groups()

@@ -209,7 +209,10 @@ def test_it_steps_plays_pauses_and_stops(twin, call):
     assert call("SetSimulationState", state__state=1).result.result == 1
     assert call("GetSimulationState").state.state == 1
     refused = call("StepSimulation", steps=1).result
-    assert (refused.result, refused.error_message) == (4, "not paused: call ~/pause with true first")
+    assert (refused.result, refused.error_message) == (
+        4,
+        "not paused: call ~/pause with true first, as drive --pause does",
+    )
     assert call("SetSimulationState", state__state=0).result.result == 1
     assert call("GetSimulationState").state.state == 0
     assert call("SetSimulationState", state__state=3).result.result == 0
@@ -232,7 +235,11 @@ def test_steps_as_an_action_tell_each_frame_and_can_be_cancelled(twin, call, act
     assert (result, message, goal.ends) == (4, "steps: given 0; allowed: 1 or more", ["aborted"])
     call("SetSimulationState", state__state=1)
     goal, result, message = act(1)
-    assert (result, message, goal.ends) == (4, "not paused: call ~/pause with true first", ["aborted"])
+    assert (result, message, goal.ends) == (
+        4,
+        "not paused: call ~/pause with true first, as drive --pause does",
+        ["aborted"],
+    )
     twin.loop.pause(True)
 
 

@@ -19,7 +19,6 @@ UNLIMITED = 1e9  # m, m/s or N: stands for no limit, as a URDF has to have a num
 ANSWER = 5.0  # s within which the twin has to apply a command, also on a busy machine
 SERVICE_ANSWER = 10.0  # s within which a service has to answer: the node itself waits for a frame for 5 s
 SLOW_FRAME = 0.1  # s that a frame may take where many are requested
-BY_SERVICE, BY_OPTION = "call ~/pause with true", "drive --pause"  # the same, as a twin and as `drive` name it
 URGENT = "/emergency_stop"  # service that does not wait for the whole discovery time
 
 
@@ -197,7 +196,7 @@ class TwinClient:
         finally:
             if count != 1:
                 self._set("step_count", 1)
-        return self._answer(answer.success, answer.message.replace(BY_SERVICE, BY_OPTION))
+        return self._answer(answer.success, answer.message)
 
     def load(self, scenario: str) -> str:
         """Restart a twin with another scenario; returns a confirmation.
