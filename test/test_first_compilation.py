@@ -252,6 +252,23 @@ def test_what_is_compiled_is_told_with_its_name_and_nothing_where_nothing_is(mon
     assert all(0.0 <= moment.share <= 1.0 and moment.elapsed >= 0.0 for moment in moments)
 
 
+@needs_kernels
+def test_the_begin_is_reported_before_the_first_share_which_takes_long(monkeypatch):
+    """On a busy machine as long as 15 s, for which a log said nothing."""
+    moments, at_first_share = [], []
+
+    def share(watch, since):
+        at_first_share.append(len(moments))
+        return 0.5
+
+    monkeypatch.setattr(first_compilation._Watch, "share", share)
+    with watching_compilation(moments.append):
+        new_kernels()(3.0)
+        wait_until(lambda: at_first_share, what="first share")
+    assert moments[0].share == 0.0
+    assert at_first_share[0] == 1
+
+
 def test_what_is_left_follows_from_the_speed_so_far():
     assert Moment(0.25, "chain", 10.0).remaining == pytest.approx(30.0)
     assert Moment(0.01, "chain", 10.0).remaining is None  # a guess

@@ -240,6 +240,7 @@ def expect_kernels(engine: Engine) -> None:
 def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
     """Report compilation progress some times a second from another thread, from the first compiled kernel on.
 
+    At first a share of 0 is reported, as the first share takes seconds beside a compiler: its kernels are to be found.
     Where all kernels are compiled already, nothing is reported.
     """
     if not isinstance(observe, Kernel):  # the JIT is off
@@ -250,9 +251,12 @@ def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
     _expected.clear()
 
     def look() -> None:
+        told = False
         while not ended.wait(PERIOD):
             if watch.begun is not None:
-                shown(Moment(watch.share(since), watch.kernel, monotonic() - watch.begun))
+                share = watch.share(since) if told else 0.0
+                shown(Moment(share, watch.kernel, monotonic() - watch.begun))
+                told = True
 
     thread = threading.Thread(target=look, name="compilation watch", daemon=True)
     with event.install_listener("numba:compile", watch):
