@@ -47,7 +47,7 @@ class Answer(NamedTuple):
 
     time: float  # s, simulated, of the state
     message: bytes  # diagnostic_msgs/DiagnosticArray
-    warnings: dict[str, str]  # of the future as commanded: line by id of the figure
+    warnings: dict[str, tuple[float, str]]  # of the future as commanded, by id of the figure: when (s), and a line
     ahead: TensionAhead
 
 
@@ -136,10 +136,15 @@ class LiveOutlook(Companion):
         return future.result() if future.done() and not future.cancelled() else None
 
     def _take(self, answer: Answer) -> None:
-        """Publish an outlook, and warn of limits that would be passed for the first time."""
+        """Publish an outlook, and warn of limits that would be passed for the first time.
+
+        One that took so long that the twin is past that time says so: what is reported of the twin itself came before.
+        """
         if self.stopping.is_set():
             return
         self._publish(answer)
         for key in [key for key in answer.warnings if key not in self._warned]:
             self._warned.add(key)
-            self._warn(f"outlook from {answer.time:.2f} s: {answer.warnings[key]}")
+            (passed, line), now = answer.warnings[key], self._simulation.time
+            late = f", there only at {now:.2f} s" if now >= passed else ""
+            self._warn(f"outlook from {answer.time:.2f} s{late}: {line}")

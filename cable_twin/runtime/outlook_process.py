@@ -37,7 +37,9 @@ def answer_of(outlook: Outlook, question: Question) -> Answer:
     age = time.monotonic() - question.taken
     message = diagnostics_message(question.stamp_ns, *outlook_statuses(outlook, age))
     ahead = outlook[AS_COMMANDED]
-    warnings = {str(one.id): ahead.warning(one) for one in ahead.figures if one.id in ahead.passed}
+    warnings = {
+        str(one.id): (ahead.passed[one.id], ahead.warning(one)) for one in ahead.figures if one.id in ahead.passed
+    }
     run = [one for one in outlook.futures if one.last is not None]
     lowest = np.min([one.lowest.min(axis=0) for one in run], axis=0)
     highest = np.max([one.highest.max(axis=0) for one in run], axis=0)

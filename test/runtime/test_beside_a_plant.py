@@ -8,15 +8,17 @@ from io import BytesIO
 from types import SimpleNamespace
 
 import numba
+import numpy as np
 import pytest
 from twin_process import wait_until
 
 from cable_twin.ensemble.estimate.tracker import WAITING
+from cable_twin.frame.records import TensionAhead
 from cable_twin.frame.sensors import standard_sensors
 from cable_twin.runtime.companion import receive
 from cable_twin.runtime.follow_process import compilation_told
 from cable_twin.runtime.following import COMPILING, FOLLOWING, STARTING, Estimated, LiveFollowing
-from cable_twin.runtime.outlook import LiveOutlook, Question
+from cable_twin.runtime.outlook import Answer, LiveOutlook, Question
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.first_compilation import watching_compilation
@@ -58,6 +60,30 @@ def test_no_outlook_begins_while_a_speed_will_not_last(passing, monkeypatch):
     well, said, _ = outlook.status()
     assert not well
     assert said.startswith("an outlook takes 65 s, as this machine is too slow beside the twin")
+
+
+@pytest.mark.parametrize(
+    ("now", "said"), [(64.0, "outlook from 62.73 s: "), (68.0, "outlook from 62.73 s, there only at ")]
+)
+def test_a_warning_that_comes_after_the_event_says_so(now, said):
+    lines, published = [], []
+    outlook = LiveOutlook(
+        SimpleNamespace(scenario=load_scenario("aerial_tramway"), time=now),
+        SimpleNamespace(),
+        stamp_ns=round,
+        publish=published.append,
+        warn=lines.append,
+        horizon=60.0,
+        rate=1.0,
+        gust=10.0,
+    )
+    ahead = TensionAhead(62.73, np.zeros(1), np.zeros(1))
+    for _ in range(2):
+        outlook._take(Answer(62.73, b"", {"swing": (64.33, "as commanded: swing")}, ahead))
+    (line,) = lines
+    assert line.startswith(said)
+    assert line.endswith(": as commanded: swing")
+    assert len(published) == 2
 
 
 @pytest.mark.parametrize(("behind", "well", "said"), [(4.0, True, "follows"), (19.0, False, "19 s behind the plant")])
