@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cable_twin.frame.layout import Layout
+from cable_twin.frame.layout import Layout, of_bullwheel
 from cable_twin.messages import JOINT_REFERENCES, MessageEncoder, decode
 from cable_twin.scenario import load_scenario, most_by_drive
 from cable_twin.simulation import Simulation
@@ -115,3 +115,16 @@ def test_the_share_of_the_limit_in_use_goes_by_the_present_tensions(lift, mass):
         assert (message.position[row], message.effort[row]) == pytest.approx((share, slips), rel=1e-12)
         twin.command("haul_rope", speed=2.0)
         twin.advance_to(2.0)
+
+
+def test_many_frames_have_the_bits_of_each():
+    """At rest, limited by power, by force and by slip, with a slack strand, and of a drive without limit of power."""
+    force, speed = np.array([5e3, -2e4, 3e4, 1e3, 0.0]), np.array([0.0, -4.0, 0.1, 2.0, 6.0])
+    tensions = np.array([[5e4, 5e4, 5e4, 8e2, 5e4], [6e4, 3e4, 3e4, 0.0, 6e4]])
+    for power in (4e4, np.inf):
+        limits = 3.5e4, power, 1.2
+        share, limit = of_bullwheel(limits, force, speed, tensions, np.minimum, np.maximum)
+        each = [of_bullwheel(limits, *one) for one in zip(force, speed, tensions.T.tolist(), strict=True)]
+        assert [*zip(share.tolist(), limit.tolist(), strict=True)] == each
+        assert limit.tolist()[2:4] == [3.5e4, 1.2]
+        assert limit[1] == min(power / 4.0, 3.5e4)

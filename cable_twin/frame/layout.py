@@ -20,6 +20,7 @@ from cable_twin.scenario.sections.line import Cable
 IntArray = NDArray[np.int64]
 COLUMNS = declared(Columns)  # name, shape, unit of each
 SLACKEST = 1.0  # N, tension of a strand below which what its bullwheel transfers is as with this one
+CRAWL = 1e-9  # m/s, speed below which a limit of power limits as at this one, which is not at all
 ENDS = ("start", "end")  # the first two supports of every rope
 CABLE = "cable"  # name of the only rope
 COMMANDED = ("nothing", "force", "speed", "emergency stop")  # by the number in `command_kind`
@@ -231,22 +232,15 @@ class Layout:
         rows = [self.vehicle_rows[name] for name in self.commanded if name in self.vehicle_rows]
         return np.concatenate([of_carriages[..., rows], of_drives], axis=-1)
 
-    def slip_forces(self, c: Columns) -> FloatArray:
-        """Forces (..., drives) in N above which the rope slips on driven bullwheels; inf of drives without one.
-
-        By the present tension of the slacker strand, of which one below 1 N counts as that.
-        """
-        if not self.sheaves:
-            return np.full_like(c.drive_speed, inf)
-        slack = np.maximum(c.sheave_tension[..., self.drive_sheaves, :].min(axis=-1), SLACKEST)
-        return np.where(np.isnan(self.drive_limits), inf, np.expm1(self.grips[self.drive_sheaves]) * slack)
-
     def force_used(self, c: Columns) -> FloatArray:
         """Utilisation (..., names) of the force limits of commanded objects: 1 in saturation, NaN without a limit."""
         share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit
-        force, speed = np.abs(c.moving_cable_force), np.abs(c.drive_speed)
-        share_of_drive = np.maximum(force / self.drive_limits, force * speed / self.drive_powers)
-        return self.of_commanded(share, np.maximum(share_of_drive, force / self.slip_forces(c)))
+        force, speed = c.moving_cable_force, c.drive_speed
+        if not self.sheaves:
+            return self.of_commanded(share, np.full_like(force, np.nan))
+        tensions = np.moveaxis(c.sheave_tension[..., self.drive_sheaves, :], -1, 0)
+        limits = self.drive_limits, self.drive_powers, np.expm1(self.grips[self.drive_sheaves])
+        return self.of_commanded(share, of_bullwheel(limits, force, speed, tensions, np.minimum, np.maximum)[0])
 
     @cached_property
     def places(self) -> Columns:
@@ -264,6 +258,31 @@ class Layout:
                 ]
             )
         return Columns(*(numbers[..., first:last].reshape(leading + shape) for first, last, shape in self._places))
+
+
+def of_bullwheel(
+    limits: Sequence[Any], force: Any, speed: Any, tensions: Any, least: Any = min, most: Any = max
+) -> tuple[Any, Any]:
+    """Utilisation of the force limit of a bullwheel's drive, and this limit: of force, power and slip the least one.
+
+    The rope slips where the ratio of its tensions is e^(μα), by the present tension of the slacker strand, of which one
+    below 1 N counts as that.
+
+    Args:
+        limits: highest force (N) and power (W) of the drive, and e^(μα) - 1.
+        force: present force at the rim (N).
+        speed: of the rope (m/s).
+        tensions: (2, ...) of both strands (N).
+        least: the lower one of two numbers, of arrays `np.minimum`.
+        most: the higher one of two numbers, of arrays `np.maximum`.
+
+    Returns:
+        The share, 1 in saturation, and the limit (N); NaN where the highest force is NaN.
+    """
+    highest, power, grip = limits
+    slips = grip * most(least(*tensions), SLACKEST)
+    limit = least(least(highest, slips), power / most(abs(speed), CRAWL))
+    return abs(force) / limit, limit
 
 
 def numbered(names: Iterable[str]) -> dict[str, int]:
@@ -286,4 +305,4 @@ def _sample_places(cable: Cable, samples: int) -> FloatArray:
     return places
 
 
-__all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "Layout", "numbered"]
+__all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "Layout", "numbered", "of_bullwheel"]

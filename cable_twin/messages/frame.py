@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.stores import ros2_jazzy
 
-from cable_twin.frame.layout import SLACKEST
+from cable_twin.frame.layout import of_bullwheel
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout, Snapshot
 from cable_twin.messages.cdr import STAMP, Header, Template, marks, nanoseconds, serialize, time_of
@@ -421,10 +421,11 @@ class ReferencesMessage:
         ]
         first = len(layout.commanded) - len(layout.drives)
         grips = np.expm1(layout.grips).tolist()
-        self._on_bullwheels = [  # of drives: limits of force and power, places of force and speed; grip, its tensions
+        self._on_bullwheels = [  # of drives: limits of force, power and slip; places of force and speed, of tensions
             (
-                (first + row, limit, power, int(columns.moving_cable_force[row]), int(columns.drive_speed[row])),
-                (grips[wheel], *map(int, columns.sheave_tension[wheel])),
+                (first + row, (limit, power, grips[wheel])),
+                (int(columns.moving_cable_force[row]), int(columns.drive_speed[row])),
+                tuple(map(int, columns.sheave_tension[wheel])),
             )
             for row, (limit, power, wheel) in enumerate(
                 zip(
@@ -445,11 +446,11 @@ class ReferencesMessage:
         for number, limit, force in self._limited:
             if (most := frame.item(limit)) > 0.0:  # there is one
                 shown[0, number, 2], shown[2, number, 2] = abs(frame.item(force)) / most, most
-        for (number, limit, power, force, speed), (grip, on, off) in self._on_bullwheels:
-            pace = abs(frame.item(speed))
-            slips = grip * max(min(frame.item(on), frame.item(off)), SLACKEST)
-            most = min(limit, slips, power / pace if pace > 0.0 else limit)
-            shown[0, number, 2], shown[2, number, 2] = abs(frame.item(force)) / most, most
+        for (number, limits), (force, speed), (on, off) in self._on_bullwheels:
+            tensions = frame.item(on), frame.item(off)
+            shown[0, number, 2], shown[2, number, 2] = of_bullwheel(
+                limits, frame.item(force), frame.item(speed), tensions
+            )
         return self._template.fill(stamp_ns)
 
 
