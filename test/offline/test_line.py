@@ -70,6 +70,21 @@ def test_a_load_on_a_light_rope_makes_a_triangle():
     assert envelope.time == line.places[sag.argmax()] == pytest.approx(200.2)
 
 
+def test_loads_across_the_track_are_in_the_rows_in_space():
+    """Wind on a car between two ends, which bear it as a beam's; none in a plane."""
+    ends = {f"cable.{end}.position": [x, 0.0, 0.0] for end, x in (("start", 0.0), ("end", 400.0))}
+    bodies = {"car": {"mass": 100.0, "inertia": 1.0, "upper_pivot": [0.0, 0.0], "drag_area": 2.0}}
+    wind = {"air.wind": [0.0, 10.0, 0.0], "carriages.car.bodies": bodies}
+    line = plan_line(load_scenario(SPAN, {**ends, **wind}), 3, None)
+    calculate(line)
+    force, place = 0.5 * 1.225 * 2.0 * 10.0**2, line.columns[1].joint_position[0, 0]
+    for end, share in (("start", 1.0 - place / 400.0), ("end", place / 400.0)):
+        assert line.rows[f"{end}: load to the left [N]"][1] == pytest.approx(force * share, rel=1e-2)
+    flat = plan_line(load_scenario(SPAN), 2, None)
+    calculate(flat)
+    assert not [name for name in flat.rows if "left" in name]
+
+
 def test_every_place_is_a_rest_of_its_own():
     scenario = load_scenario("aerial_tramway")
     line = plan_line(scenario, 4, "cabin")

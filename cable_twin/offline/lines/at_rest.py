@@ -193,7 +193,10 @@ def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
 
 
 def _loads(line: Line) -> list[KeyFigure]:
-    """Add the load components of all supports to the rows of a line; returns key figures of their extremes."""
+    """Add the load components of all supports to the rows of a line; returns key figures of their extremes.
+
+    The one across the track, in space, is in the rows alone.
+    """
     found, forces = [], np.array([-one.support_force for one in line.columns])  # of the cable on its supports
     places, loads = line.places.tolist(), {"load_along_track": forces[:, :, 0], "load_downwards": -forces[:, :, 2]}
     extremes = {
@@ -206,4 +209,6 @@ def _loads(line: Line) -> list[KeyFigure]:
             for statistic, rows in extremes[quantity]:
                 at = rows[row]
                 found.append(figure(quantity, subject, statistic, float(values[at, row]), places[at]))
+        if line.scenario.dim == 3:
+            line.rows[f"{subject.name}: load to the left [N]"] = forces[:, row, 1]
     return found
