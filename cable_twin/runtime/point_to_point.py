@@ -246,7 +246,7 @@ class Goals:
         """Record an applied command: goals that it overrides are abandoned, and arrivals before it told no more."""
         kind = KINDS[command.kind]
         if source not in (SOURCE, ARRIVAL) and (kind.drives or kind.halts):
-            for name in self.texts.keys() - self._abandoned.keys():
+            for name in [name for name in self.texts if name not in self._abandoned]:
                 if kind.halts or name in command.values:
                     if name in self._under_way:
                         self.abandon(name, f"{command.kind.replace('_', ' ')} from {source} took over")

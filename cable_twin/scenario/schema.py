@@ -88,7 +88,7 @@ class Solver(Section):
     integrator: Integrator = Field(
         default="generalized_alpha", description="real-time integrator, or the explicit one of the paper"
     )
-    step: float = quantity("s", "time step; 1 s is that of the slowest frames", 0.001, ge=1e-6, le=1)
+    step: float = quantity("s", "time step, at most that of the slowest frames", 0.001, ge=1e-6, le=1)
     spectral_radius: float = quantity(
         "-",
         "spectral radius of generalized-alpha: share of the highest frequencies that is left after a step; more than "

@@ -206,7 +206,7 @@ def _bodies(scenario: Scenario, path: KeyPath, bodies: Bodies) -> Iterator[Fault
         yield from body_faults(own, body)
         if scenario.dim == 2:
             yield from of_space(own, body, ("turns", "roll_damping"))
-            if isinstance(body.drag_area, tuple) and body.drag_area[1] != 0.0:
+            if isinstance(body.drag_area, tuple | list) and body.drag_area[1] != 0.0:
                 x, _, z = body.drag_area
                 allowed = f"{show([x, 0.0, z], 'm^2')}; a y of its own in space only"
                 yield refuse((*own, "drag_area"), body.drag_area, allowed, "in a plane")

@@ -6,21 +6,15 @@ Limits are wide enough for studies: ropes without mass, soft or stiff ones, and 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import hypot, pi, sqrt
+from math import hypot, nan, pi, sqrt
 
 from cable_twin.basics.units import rounded
-from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse, show
+from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse, show, unit_of
 from cable_twin.scenario.sections.line import Cable
 from cable_twin.scenario.sections.vehicles import Body
 
-DENSITIES = (
-    1.0,
-    25e3,
-)  # kg/m^3 by the diameter or metal_area; of steel 4500 to 8500, of a rope without mass in a study less
-STRAINS = (
-    1e-4,
-    2.0,
-)  # at the breaking force: of steel ropes 0.005 to 0.03, in kN a thousandth of that, of EA in kN 1000 times
+DENSITIES = 1.0, 25e3  # kg/m^3 by the diameter or metal_area; of steel 4500 to 8500, of a rope without mass less
+STRAINS = 1e-4, 2.0  # at the breaking force; of steel ropes 0.005 to 0.03, and by a force or EA in kN 1000 times off
 STIFFEST = 100.0  # of the bending stiffness of a solid bar of the same diameter, the most that a rope has
 SPREAD = 100.0  # of the moment of inertia of a body whose mass is in the corners of its size
 FARTHEST = 100.0  # m, of a pivot from the centre of mass
@@ -36,10 +30,8 @@ def rope_faults(cable: Cable) -> Iterator[Fault]:
             continue
         if density < DENSITIES[0] or density > DENSITIES[1]:
             most, least = ((mass / (factor * limit)) ** (1.0 / power) for limit in DENSITIES)
-            unit = "m" if key == "diameter" else "m^2"
-            allowed = (
-                f"{rounded(least, 3)} to {rounded(most, 3)} {unit}, for {DENSITIES[0]:g} to {DENSITIES[1]:g} kg/m^3"
-            )
+            size = f"{rounded(least, 3)} to {rounded(most, 3)} {unit_of(('cable', key))}"
+            allowed = f"{size}, for {DENSITIES[0]:g} to {DENSITIES[1]:g} kg/m^3"
             yield refuse(("cable", key), given, allowed, f"{with_mass} a density of {density:.3g} kg/m^3")
     for key in ("breaking_force", "calculated_breaking_force", "tested_breaking_force"):
         given = getattr(cable, key)
@@ -51,9 +43,8 @@ def rope_faults(cable: Cable) -> Iterator[Fault]:
                 f"with the axial_stiffness of {show(stiffness, 'N')} a strain of {strain} %, of steel ropes 0.5 to 3 %"
             )
             yield refuse(("cable", key), given, allowed, why)
-    if cable.diameter is not None and cable.bending_stiffness > STIFFEST * (
-        bar := stiffness * cable.diameter**2 / 16.0
-    ):
+    bar = stiffness * (nan if cable.diameter is None else cable.diameter) ** 2 / 16.0
+    if cable.bending_stiffness > STIFFEST * bar:
         why = f"a solid bar of its diameter and axial_stiffness has {rounded(bar, 3)} N m^2"
         allowed = f"up to {rounded(STIFFEST * bar, 3)} N m^2, {STIFFEST:g} times that"
         yield refuse(("cable", "bending_stiffness"), cable.bending_stiffness, allowed, why)
