@@ -360,7 +360,7 @@ BODY = "carriages.cabin.bodies.cabin"
         (
             f"{BODY}.mass",
             3.1,
-            "inertia: given 7556.0 kg m^2: a radius of gyration of 49.4 m with the mass of 3.1 kg; al",
+            "given 7556.0 kg m^2: with the mass of 3.1 kg a radius of gyration of 49.4 m; allowed: up to 12",
         ),
     ],
 )

@@ -15,8 +15,8 @@ from cable_twin.scenario.sections.vehicles import Body
 
 DENSITIES = 1.0, 25e3  # kg/m^3 by the diameter or metal_area; of steel 4500 to 8500, of a rope without mass less
 STRAINS = 1e-4, 2.0  # at the breaking force; of steel ropes 0.005 to 0.03, and by a force or EA in kN 1000 times off
-STIFFEST = 100.0  # of the bending stiffness of a solid bar of the same diameter, the most that a rope has
-SPREAD = 100.0  # of the moment of inertia of a body whose mass is in the corners of its size
+STIFFEST = 1e4  # times a solid bar of the same diameter, the most that a rope has; in N mm^2 10^6 times off
+WIDEST = 20.0  # m, radius of gyration of a body; of cabins 1 to 2, and with a mass in t 30 times that
 FARTHEST = 100.0  # m, of a pivot from the centre of mass
 
 
@@ -51,14 +51,12 @@ def rope_faults(cable: Cable) -> Iterator[Fault]:
 
 
 def body_faults(path: KeyPath, body: Body) -> Iterator[Fault]:
-    """Errors of a body's pivots far from its centre of mass, and of an inertia that its mass and size do not have."""
+    """Errors of a body's pivots far from its centre of mass, and of an inertia that is too large for its mass."""
     for key in ("upper_pivot", "lower_pivot"):
         given = getattr(body, key)
         if given is not None and hypot(*given) > FARTHEST:
             yield refuse((*path, key), given, f"within {FARTHEST:g} m of the centre of mass")
-    most = SPREAD * body.mass * hypot(*(body.size or (0.0, 0.0))) ** 2 / 4.0
-    if body.inertia > most > 0.0:
+    if body.inertia > (most := body.mass * WIDEST**2):
         radius = sqrt(body.inertia / body.mass)
-        why = f"a radius of gyration of {rounded(radius, 3)} m with the mass of {show(body.mass, 'kg')}"
-        allowed = f"up to {rounded(most, 3)} kg m^2, for the size of {show(body.size, 'm')}"
-        yield refuse((*path, "inertia"), body.inertia, allowed, why)
+        why = f"with the mass of {show(body.mass, 'kg')} a radius of gyration of {rounded(radius, 3)} m"
+        yield refuse((*path, "inertia"), body.inertia, f"up to {rounded(most, 3)} kg m^2, for {WIDEST:g} m", why)
