@@ -1,4 +1,4 @@
-"""Checks of a start: compression, slack elements, spans of few elements, coarse saddles, steps too long to pass or swing.
+"""Checks of a start: compression, slack elements, few elements in a span, coarse saddles, long steps.
 
 A rope without bending stiffness under compression is in an unstable equilibrium and is refused; the others warn
 (theory.md: element frames, crossing of nodes).
