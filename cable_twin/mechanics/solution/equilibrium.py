@@ -13,8 +13,9 @@ from cable_twin.mechanics.on_rope.presence import bodies_of, vehicles_of
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, IntArray, System
 from cable_twin.mechanics.rope.ale import rest_stretch
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
+from cable_twin.mechanics.solution.bundle.records import LONGEST_GAP
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
-from cable_twin.mechanics.solution.relaxation import LAST, MAX_RELAXATIONS, hang_carriages, relax, relax_in_parts
+from cable_twin.mechanics.solution.relaxation import LAST, Relaxed, hang_carriages, relax, relax_in_parts
 from cable_twin.mechanics.state import State, WindField, Workspace
 
 SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
@@ -49,10 +50,8 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
     return rest_over_supports(system).place(arc_lengths)
 
 
-def settled(
-    system: System, state: State, work: Workspace, tolerance: float, *, near: bool = False
-) -> tuple[int, float]:
-    """Relax one rope alone with all its joints held, up to `MAX_RELAXATIONS` iterations.
+def settled(system: System, state: State, work: Workspace, tolerance: float, *, near: bool = False) -> Relaxed:
+    """Relax one rope alone with all its joints held.
 
     Args:
         system: parameters.
@@ -60,9 +59,6 @@ def settled(
         work: scratch space.
         tolerance: last increment (m) that is allowed.
         near: whether the rope is near its equilibrium already.
-
-    Returns:
-        Number of iterations (MAX_RELAXATIONS when it failed) and the last increment (m).
     """
     cable = system.cable
     alone = Assembly([Rope(system, state, work)])
@@ -87,13 +83,9 @@ def settle_near(system: System, state: State, work: Workspace) -> None:
     state.friction_origin[:] = state.joints.position
     held = hold_all(system, state)
     tolerance = 1e-11 * system.cable.unstrained_length
-    used, increment = settled(without_friction(system), state, work, tolerance, near=True)
-    if used >= MAX_RELAXATIONS:
-        moved = with_unit(increment, "m", 3)
-        raise EquilibriumError(
-            f"no static equilibrium of the rope near the given one after {used} iterations: the last one moved a point "
-            f"by {moved}; allowed: {with_unit(tolerance, 'm', 3)}"
-        )
+    end = settled(without_friction(system), state, work, tolerance, near=True)
+    if not end.at_rest:
+        raise EquilibriumError(f"no static equilibrium of the rope near the given one {_left(end, tolerance)}")
     release_joints(system, state, *held)
 
 
@@ -111,13 +103,21 @@ def settle_together(ropes: Assembly, tolerance: float, elements: int, *, near: b
     """
     how = tolerance, 1.0 / (FIRST_STEP * FIRST_STEP), LONGEST_WAY_TOGETHER
     begin = LAST * how[1] if near else 0.0
-    used, increment = relax_in_parts(lambda *part: relax(*ropes.relaxed, *how, *part), elements, begin)
-    if used >= MAX_RELAXATIONS:
+    ropes.scratch.closing[0] = LONGEST_GAP  # searches that fail leave less
+    end = relax_in_parts(lambda *part: relax(*ropes.relaxed, *how, *part), elements, begin)
+    if not end.at_rest:
         raise EquilibriumError(
-            f"no static equilibrium of the ropes together after {used} iterations: the last one moved a point by "
-            f"{with_unit(increment, 'm', 3)}; allowed: {with_unit(tolerance, 'm', 3)}; check lengths, pretension and "
+            f"no static equilibrium of the ropes together {_left(end, tolerance)}; check lengths, pretension and "
             "counterweights of the ropes, or give more elements"
         )
+
+
+def _left(end: Relaxed, tolerance: float) -> str:
+    """Text about a relaxation without success; `tolerance`: last increment (m) that is allowed."""
+    return (
+        f"after {end.iterations} iterations: the last one moved a point by {with_unit(end.increment, 'm', 3)}; "
+        f"allowed: {with_unit(tolerance, 'm', 3)}"
+    )
 
 
 def hanging(system: System) -> tuple[FloatArray, FloatArray]:
@@ -262,7 +262,7 @@ def lay_cable(system: System, state: State) -> None:
     state.nodes.position[:, 0], state.nodes.position[:, 1:] = positions, slopes[:, None]
 
 
-def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> tuple[int, float]:
+def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> Relaxed:
     """Relax a series of cables of increasing axial stiffness, each from the shape of the softer one before.
 
     Args:
@@ -272,7 +272,7 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> 
         tolerance: last increment (m) that is allowed.
 
     Returns:
-        Number of iterations of the last relaxation (MAX_RELAXATIONS when it failed) and its last increment (m).
+        End of the last relaxation.
     """
     cable = system.cable
     lay_cable(system, state)
@@ -357,18 +357,16 @@ def settle(system: System, state: State, work: Workspace) -> None:
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
         settled(continuum, state, work, 1e-6 * cable.unstrained_length)
     tolerance = 1e-11 * cable.unstrained_length
-    used, increment = settled(smooth, state, work, tolerance)
-    if used >= MAX_RELAXATIONS:
+    end = settled(smooth, state, work, tolerance)
+    if not end.at_rest:
         tolerance = COARSE * cable.unstrained_length
-        used, increment = stiffen(smooth, state, work, tolerance)
-    if used >= MAX_RELAXATIONS and system.towers.stiffness.size:
+        end = stiffen(smooth, state, work, tolerance)
+    if not end.at_rest and system.towers.stiffness.size:
         lay_cable(system, state)
-        again, left = settled(touching_bends(smooth), state, work, tolerance)
-        if again < MAX_RELAXATIONS:
-            used, increment = again, left
-    if used >= MAX_RELAXATIONS:
+        again = settled(touching_bends(smooth), state, work, tolerance)
+        end = again if again.at_rest else end
+    if not end.at_rest:
         raise EquilibriumError(
-            f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "
-            f"{with_unit(increment, 'm', 3)}; allowed: {with_unit(tolerance, 'm', 3)}; {_advice(system, state)}"
+            f"no static equilibrium, also from softer cables, {_left(end, tolerance)}; {_advice(system, state)}"
         )
     release_joints(system, state, *held)

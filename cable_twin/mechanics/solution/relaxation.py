@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from math import inf, isfinite, log
 from typing import NamedTuple
 
+import numpy as np
+
 from cable_twin.mechanics.language.compilation import brief_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.language.rotations import move_body
@@ -18,6 +20,7 @@ from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_point, place_joint
 from cable_twin.mechanics.on_rope.tower import begin_extremes, settle_towers
 from cable_twin.mechanics.on_rope.wind import update_wind
+from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.rope.ale import rope_before
 from cable_twin.mechanics.rope.point import slope, value
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
@@ -33,6 +36,8 @@ from cable_twin.mechanics.solution.bundle.records import (
 from cable_twin.mechanics.solution.newton import solve_increments
 
 MAX_RELAXATIONS = 5000
+STALLED = 500  # iterations without progress, after which there will be none: those that found a rest took up to 262
+FACTOR, LEAST_FACTOR, LEAST_INCREMENT, IDLE = range(4)  # of the course of a relaxation, see `relax`
 LAST = 1e-12  # of the first mass factor: from there on iterations are Newton's
 CLOSED = 1e-6  # m, gap of a clamp
 SHARPEST = 0.5  # rad, that a body turns in an iteration
@@ -98,11 +103,14 @@ def sharpest_turn(work, like):
 
 
 @brief_kernel
-def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, longest, mass_factor, iterations):
+def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, longest, course, iterations):
     """Pseudo-transient continuation to equilibrium: implicit steps without velocity, growing into Newton steps.
 
     A rope by itself begins with what is on it hanging upright, all its joints held, and ends with their drive forces
     in `drive_force`. Several ropes go on from where each of them lies.
+
+    It makes progress where the mass factor falls below its least so far, and once it cannot fall farther, where the
+    increment is half the least so far, or within the tolerance while contacts change or clamps close.
 
     Args:
         bundle: ropes and their couplings.
@@ -115,15 +123,16 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
         tolerance: last increment (m) that is allowed.
         first: mass factor (1/s²) to begin with.
         longest: displacement (m) that a point may make in an iteration.
-        mass_factor: 1/s², with which to go on; 0 to begin.
+        course: (4,) mass factor (1/s²) with which to go on, 0 to begin and at rest; the least one so far; the least
+            increment (m) with the smallest mass factor; number of iterations since the last progress.
         iterations: most of them.
 
     Returns:
-        Number of iterations used, the last increment (m), and the mass factor to go on with; 0 at rest.
+        Number of iterations used, and the last increment (m).
     """
     ropes, like = bundle.records.shape[0], system.cable.gravity
-    begun = mass_factor > 0.0
-    mass_factor = mass_factor if begun else first
+    begun = course[FACTOR] > 0.0
+    mass_factor = course[FACTOR] if begun else first
     for rope in range(ropes):
         own, here, _ = rope_of(bundle, rope, system, state, work)
         moved = own.cable.load_nodes and follow_moved_joints(own, here)
@@ -141,6 +150,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
         solvable, increment, changed = solve_increments(
             bundle, moving, scratch, system, state, work, mass_factor, 0.0, 1.0
         )
+        note_course(course, mass_factor, smallest, increment, tolerance)
         turn = 0.0
         if solvable and isfinite(increment) and increment <= 3.0 * longest:
             for rope in range(ropes):
@@ -166,12 +176,29 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
             if ropes == 1:
                 own, here, _ = rope_of(bundle, 0, system, state, work)
                 store_equilibrium(own, here)
-            return iteration + 1, increment, 0.0
+            course[FACTOR] = 0.0
+            return iteration + 1, increment
         if increment < longest:
             mass_factor = max(0.25 * mass_factor, smallest)
             if bundle.coupled:
                 scratch.closing[0] = min(1.5 * scratch.closing[0], LONGEST_GAP)
-    return iterations, increment, mass_factor
+        if course[IDLE] >= STALLED:
+            iterations = iteration + 1
+            break
+    course[FACTOR] = mass_factor
+    return iterations, increment
+
+
+@kernel
+def note_course(course, mass_factor, smallest, increment, tolerance):
+    """Note in the `course` of a relaxation (see `relax`) whether an iteration makes progress."""
+    newton = mass_factor <= smallest
+    if mass_factor < course[LEAST_FACTOR] or (newton and increment < max(0.5 * course[LEAST_INCREMENT], tolerance)):
+        course[LEAST_FACTOR] = min(mass_factor, course[LEAST_FACTOR])
+        course[LEAST_INCREMENT] = increment if newton else inf
+        course[IDLE] = 0.0
+    else:
+        course[IDLE] += 1.0
 
 
 class Moment(NamedTuple):
@@ -201,39 +228,45 @@ def watching_relaxation(shown: Callable[[Moment], object]) -> Iterator[None]:
         _watchers.remove(shown)
 
 
+class Relaxed(NamedTuple):
+    """End of a relaxation: whether all forces balance, the number of iterations, and the last increment (m)."""
+
+    at_rest: bool
+    iterations: int
+    increment: float
+
+
 def relax_in_parts(
-    relax: Callable[[float, int], tuple[int, float, float]], elements: int, begin: float = 0.0
-) -> tuple[int, float]:
-    """Run a relaxation in parts until all forces balance, or up to the largest number of iterations.
+    relax: Callable[[FloatArray, int], tuple[int, float]], elements: int, begin: float = 0.0
+) -> Relaxed:
+    """Run a relaxation in parts until all forces balance, it makes no more progress, or it has taken too long.
 
     Args:
-        relax: takes a mass factor, 0 for the first one, and a number of iterations; returns the number that it used,
-            the last increment (m) and the mass factor to go on with, 0 at rest.
+        relax: takes the course of the relaxation and a number of iterations; returns how many it used, and the last
+            increment (m); see the kernel.
         elements: of the mesh.
         begin: mass factor of the first part.
-
-    Returns:
-        Number of iterations, `MAX_RELAXATIONS` where it found no rest, and the last increment (m).
     """
-    begun, used, factor, first = time.monotonic(), 0, begin, 0.0
+    begun, used, first, increment = time.monotonic(), 0, begin, 0.0
     part = max(PART // elements, 1)
-    increment = 0.0
-    while used < MAX_RELAXATIONS:
-        taken, increment, factor = relax(factor, min(part, MAX_RELAXATIONS - used))
+    course = np.array([begin, inf, inf, 0.0])
+    while used < MAX_RELAXATIONS and course[IDLE] < STALLED:
+        taken, increment = relax(course, min(part, MAX_RELAXATIONS - used))
         used += taken
+        factor = float(course[FACTOR])
         if factor == 0.0:
-            return used, increment
+            return Relaxed(True, used, increment)
         first = max(first, factor)
         moment = Moment(elements, used, min(log(first / factor) / -log(LAST), 1.0), time.monotonic() - begun)
         for shown in _watchers:
             shown(moment)
-    return MAX_RELAXATIONS, increment
+    return Relaxed(False, used, increment)
 
 
 __all__ = [
     "LAST",
-    "MAX_RELAXATIONS",
     "Moment",
+    "Relaxed",
     "hang_carriages",
     "relax",
     "relax_in_parts",
