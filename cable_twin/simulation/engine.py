@@ -147,8 +147,8 @@ class Engine:
             own = allocate_sections(part.system, self._exerting) if like is None else like.parts[row].sections
             part.sections = own
         ropes = [
-            Rope(part.system, part.state, work, part.sections)
-            for part, work in zip(self.parts, self._works, strict=True)
+            Rope(part.system, part.state, work, part.sections, name)
+            for (name, part), work in zip(self._by_name(), self._works, strict=True)
         ]
         self._sections = pack(self.parts[0].sections)
         self._coupled = couplings.any

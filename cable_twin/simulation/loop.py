@@ -97,37 +97,72 @@ class Loop:
         except EquilibriumError as error:
             if near or not explain:
                 raise
-            write(laid, first.state)
-            raise EquilibriumError(self._out_of_balance(lengths, rest) or str(error)) from None
+            raise EquilibriumError(self._out_of_balance(str(error), lengths, rest, laid)) from None
         self.motion.traction[:] = self.motion.stretch * (self.motion.tension[:, 0] - self.motion.tension[:, 1])
         self.motion.drives.force[:] = np.where(self._bundle.sheaves.driven, self.motion.traction, 0.0)
         self._begin_here()
         self._check_adhesion()
         self._check_travel()
 
-    def _out_of_balance(self, lengths: FloatArray, rest: Callable[[], None]) -> str:
-        """Messages about too little or too much tensioning force of bullwheels, a line each; empty without a remedy."""
+    def _out_of_balance(self, error: str, lengths: FloatArray, rest: Callable[[], None], laid: Kept) -> str:
+        """Message of a loop without rest: which tensioning devices do not fit, a line each, where that is sure.
+
+        It is sure where a device still pulls too little or too much with all devices held at those ends of their
+        travel. Else the message is that of the search, and tells what the devices need at a travel of 0 m.
+
+        Args:
+            error: message of the search.
+            lengths: (strands,) m.
+            rest: finds the equilibrium of all ropes between the ends that bullwheels give them.
+            laid: states with which the search began.
+        """
+        devices = [sheave.tensioning for sheave in self.scenario.sheaves.values()]
+        given, nowhere = self._bundle.sheaves.pull.copy(), np.zeros(len(devices))
+        needed = self._pulls_held(nowhere, lengths, rest, laid)
+        rows = [row for row, device in enumerate(devices) if device is not None and needed[row] > 0.0]
+        off = [row for row in rows if abs(given[row] - needed[row]) > SOUND * needed[row]]
+        if off:
+            ends = [
+                0.0 if one is None else one.travel[int(g > n)] for one, g, n in zip(devices, given, needed, strict=True)
+            ]
+            left = (given - self._pulls_held(np.array(ends), lengths, rest, laid)) * np.sign(given - needed)
+            if any(sure := [self._unfit(row, float(needed[row])) for row in off if left[row] > 0.0]):
+                return "\n".join(sure)
+        held = [f"{self._device(row)[0]} needs about {self._pull(row, float(needed[row]), 3)}" for row in rows]
+        return error + (f"; with a travel of 0 m the loop rests, where {', '.join(held)}" if held else "")
+
+    def _pulls_held(self, at: FloatArray, lengths: FloatArray, rest: Callable[[], None], laid: Kept) -> FloatArray:
+        """Pulls (sheaves,) in N of strands at rest with all devices held `at` a travel (m); nan where none is found."""
         sheaves, motion = self._bundle.sheaves, self.motion
-        motion.rope.position[:] = motion.carriage.position[:] = 0.0
+        write(laid, next(iter(self._parts.values())).state)
+        motion.rope.position[:], motion.carriage.position[:] = 0.0, at
         try:
             settle_loop(sheaves._replace(tensioning=np.full_like(sheaves.tensioning, FIXED)), motion, lengths, rest)
         except EquilibriumError:
-            return ""
-        lines = []
-        for row, (name, sheave) in enumerate(self.scenario.sheaves.items()):
-            given, needed, device = float(sheaves.pull[row]), float(motion.pull[row]), sheave.tensioning
-            if device is None or not needed > 0.0 or abs(given - needed) < SOUND * needed:
-                continue
-            weighed = sheave.counterweight is not None and sheave.counterweight.force is None
-            scale, unit = (1.0 / self.scenario.gravity, "kg") if weighed else (1.0, "N")
-            has, needs = rounded(given * scale), rounded(needed * scale, 3)
-            pulling = f", which pulls with {with_unit(given, 'N', 3)}" if weighed else ""
-            lines.append(
-                f"sheaves.{name}.{'counterweight' if sheave.counterweight else 'hydraulics'}."
-                f"{'mass' if weighed else 'force'}: given {has} {unit}{pulling}: no static equilibrium; "
-                f"allowed: about {needs} {unit}, to rest at a travel of 0 m with ropes of this length"
-            )
-        return "\n".join(lines)
+            return np.full_like(at, np.nan)
+        return motion.pull.copy()
+
+    def _unfit(self, row: int, needed: float) -> str:
+        """Message about a tensioning device that cannot hold its strands, which need a pull (N) at a travel of 0 m."""
+        key, weighed = self._device(row)
+        given = float(self._bundle.sheaves.pull[row])
+        pulling = f", which pulls with {with_unit(given, 'N', 3)}" if weighed else ""
+        return (
+            f"{key}: given {self._pull(row, given)}{pulling}: no static equilibrium; allowed: about "
+            f"{self._pull(row, needed, 3)}, to rest at a travel of 0 m with ropes of this length and these loads"
+        )
+
+    def _device(self, row: int) -> tuple[str, bool]:
+        """Key of what a tensioning device pulls with, and whether that is a mass."""
+        name, sheave = self._names[row], self.scenario.sheaves[self._names[row]]
+        weighed = sheave.counterweight is not None and sheave.counterweight.force is None
+        device = "counterweight" if sheave.counterweight else "hydraulics"
+        return f"sheaves.{name}.{device}.{'mass' if weighed else 'force'}", weighed
+
+    def _pull(self, row: int, pull: float, digits: int = 4) -> str:
+        """Text of the mass (kg) or force (N) with which a tensioning device has a pull (N)."""
+        scale, unit = (1.0 / self.scenario.gravity, "kg") if self._device(row)[1] else (1.0, "N")
+        return f"{rounded(pull * scale, digits)} {unit}"
 
     def _lay(self, *, along: bool = False) -> None:
         """Move strand ends to their bullwheels, and clamped vehicles to their places on the moved strands.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cable_twin.basics.units import with_unit
@@ -85,7 +87,8 @@ def settle_near(system: System, state: State, work: Workspace) -> None:
     tolerance = 1e-11 * system.cable.unstrained_length
     end = settled(without_friction(system), state, work, tolerance, near=True)
     if not end.at_rest:
-        raise EquilibriumError(f"no static equilibrium of the rope near the given one {_left(end, tolerance)}")
+        left = _left([Rope(system, state, work)], end, tolerance)
+        raise EquilibriumError(f"no static equilibrium of the rope near the given one {left}")
     release_joints(system, state, *held)
 
 
@@ -107,16 +110,19 @@ def settle_together(ropes: Assembly, tolerance: float, elements: int, *, near: b
     end = relax_in_parts(lambda *part: relax(*ropes.relaxed, *how, *part), elements, begin)
     if not end.at_rest:
         raise EquilibriumError(
-            f"no static equilibrium of the ropes together {_left(end, tolerance)}; check lengths, pretension and "
-            "counterweights of the ropes, or give more elements"
+            f"no static equilibrium of the ropes together {_left(ropes.ropes, end, tolerance)}; check lengths, loads, "
+            "pretension and counterweights of the ropes, or give more elements"
         )
 
 
-def _left(end: Relaxed, tolerance: float) -> str:
+def _left(ropes: Sequence[Rope], end: Relaxed, tolerance: float) -> str:
     """Text about a relaxation without success; `tolerance`: last increment (m) that is allowed."""
+    moved = [np.nan_to_num(np.linalg.norm(rope.work.right_side[:, 0], axis=1)) for rope in ropes]
+    most = max(range(len(ropes)), key=lambda row: float(moved[row].max()))
+    place = float(ropes[most].state.mesh.arc_length[int(moved[most].argmax())])
     return (
-        f"after {end.iterations} iterations: the last one moved a point by {with_unit(end.increment, 'm', 3)}; "
-        f"allowed: {with_unit(tolerance, 'm', 3)}"
+        f"after {end.iterations} iterations: the last one moved a point by {with_unit(end.increment, 'm', 3)}, nodes "
+        f"most at {place:.1f} m of {ropes[most].name}; allowed: {with_unit(tolerance, 'm', 3)}"
     )
 
 
@@ -366,7 +372,6 @@ def settle(system: System, state: State, work: Workspace) -> None:
         again = settled(touching_bends(smooth), state, work, tolerance)
         end = again if again.at_rest else end
     if not end.at_rest:
-        raise EquilibriumError(
-            f"no static equilibrium, also from softer cables, {_left(end, tolerance)}; {_advice(system, state)}"
-        )
+        left = _left([Rope(system, state, work)], end, tolerance)
+        raise EquilibriumError(f"no static equilibrium, also from softer cables, {left}; {_advice(system, state)}")
     release_joints(system, state, *held)

@@ -236,9 +236,7 @@ class Relaxed(NamedTuple):
     increment: float
 
 
-def relax_in_parts(
-    relax: Callable[[FloatArray, int], tuple[int, float]], elements: int, begin: float = 0.0
-) -> Relaxed:
+def relax_in_parts(relax: Callable[[FloatArray, int], tuple[int, float]], elements: int, begin: float = 0.0) -> Relaxed:
     """Run a relaxation in parts until all forces balance, it makes no more progress, or it has taken too long.
 
     Args:

@@ -38,6 +38,7 @@ class Rope(NamedTuple):
     state: State
     work: Workspace
     sections: Sections | None = None  # where forces in it are to be read
+    name: str = "the rope"  # in messages
 
 
 class Couplings(NamedTuple):
@@ -87,6 +88,7 @@ class Assembly:
     """Ropes, their couplings and scratch memory of the solver; kept alive as long as kernels use the memory.
 
     Attributes:
+        ropes: as they were given, their parameters before any of `put`.
         bundle: parameters of couplings, and where the records of each rope are.
         moving: motion of couplings.
         spare: two more records of that motion, without the response to bullwheels.
@@ -100,6 +102,7 @@ class Assembly:
 
         With `like`, an assembly whose states and workspaces the ropes have, its memory serves for the rest as well.
         """
+        self.ropes = tuple(ropes)
         first = ropes[0]
         dim = len(first.system.cable.gravity)
         given = couplings or no_couplings(len(ropes), dim)
