@@ -53,3 +53,11 @@ def test_slack_carriers_of_soft_ropes_roll_to_their_places(ropes, stiffness):
     assert forces.min() > 300.0
     assert forces.max() < 2000.0
     assert moved(lift) < 2e-3
+
+
+def test_a_search_that_failed_leaves_clamps_to_the_next_one():
+    """Each search that goes too far halves what it closes of a clamp's gap at once, at last to nothing."""
+    lift = Simulation(load_scenario("jig_back"), on_demand=True)
+    found = lift.snapshot.numbers.tobytes()
+    lift.engine._ropes.scratch.closing[:] = 0.0
+    assert lift.with_values(lift.scenario).snapshot.numbers.tobytes() == found

@@ -7,8 +7,10 @@ import pytest
 from bent_line import BENT
 from test_scenario_faults import OWN_LIFT, SPAN, TWO_ROPES, WEIGHT, faults_of
 
+from cable_twin.mechanics.solution.bundle.loop_rest import settle_loop
+from cable_twin.mechanics.solution.bundle.records import FIXED
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
+from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, loop
 
 
 def test_several_ropes_go_through_yaml_and_back():
@@ -66,6 +68,22 @@ def test_a_rest_that_cannot_be_is_told_in_a_line(key, value, said):
         Simulation(load_scenario("chairlift", {f"sheaves.{key}": value, **mesh}), samples=2)
     assert "allowed: " in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_counterweight_that_can_balance_is_not_blamed(monkeypatch):
+    """That of the chairlift rests at 0.37 m of 4 m: what else a search fails of is told, and what is known."""
+
+    def fails(sheaves, *others):
+        if np.any(sheaves.tensioning != FIXED):
+            raise EquilibriumError("no rest")
+        settle_loop(sheaves, *others)
+
+    monkeypatch.setattr(loop, "settle_loop", fails)
+    said = (
+        "^no rest; with a travel of 0 m the loop rests, where sheaves.return.counterweight.mass needs about 28700 kg$"
+    )
+    with pytest.raises(EquilibriumError, match=said):
+        Simulation(load_scenario("chairlift"), samples=2)
 
 
 def test_a_drive_without_force_has_none_while_bearings_hold_the_wheel():

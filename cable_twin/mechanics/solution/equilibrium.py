@@ -373,5 +373,5 @@ def settle(system: System, state: State, work: Workspace) -> None:
         end = again if again.at_rest else end
     if not end.at_rest:
         left = _left([Rope(system, state, work)], end, tolerance)
-        raise EquilibriumError(f"no static equilibrium, also from softer cables, {left}; {_advice(system, state)}")
+        raise EquilibriumError(f"no static equilibrium {left}; nor from softer cables; {_advice(system, state)}")
     release_joints(system, state, *held)
