@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cable_twin.mechanics.solution import equilibrium
+from cable_twin.mechanics.solution.relaxation import Relaxed
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation
+from cable_twin.simulation import EquilibriumError, Simulation
 from verification import JIT
 
 THICK = {"mass_per_length": 56.885, "axial_stiffness": 587.005e6, "bending_stiffness": 274664.0, "diameter": 0.123}
@@ -55,9 +57,20 @@ def test_slack_carriers_of_soft_ropes_roll_to_their_places(ropes, stiffness):
     assert moved(lift) < 2e-3
 
 
-def test_a_search_that_failed_leaves_clamps_to_the_next_one():
-    """Each search that goes too far halves what it closes of a clamp's gap at once, at last to nothing."""
+def test_a_search_that_failed_leaves_clamps_to_those_after_it(monkeypatch):
+    """Each iteration that goes too far halves what later ones close of a clamp's gap at once, at last to nothing."""
     lift = Simulation(load_scenario("jig_back"), on_demand=True)
-    found = lift.snapshot.numbers.tobytes()
-    lift.engine._ropes.scratch.closing[:] = 0.0
+    found, closing = lift.snapshot.numbers.tobytes(), lift.engine._ropes.scratch.closing
+    elements, search = sum(len(state.nodes.position) - 1 for state in lift.engine.states), equilibrium.relax_in_parts
+
+    def fails(relax, count, *begin):
+        if count < elements:
+            return search(relax, count, *begin)
+        closing[:] = 0.0
+        return Relaxed(False, 1, 1.0)
+
+    with monkeypatch.context() as patched, pytest.raises(EquilibriumError, match="of the ropes together"):
+        patched.setattr(equilibrium, "relax_in_parts", fails)
+        lift.with_values(lift.scenario)
+    assert closing[0] > 0.0
     assert lift.with_values(lift.scenario).snapshot.numbers.tobytes() == found

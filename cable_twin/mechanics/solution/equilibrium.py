@@ -106,8 +106,10 @@ def settle_together(ropes: Assembly, tolerance: float, elements: int, *, near: b
     """
     how = tolerance, 1.0 / (FIRST_STEP * FIRST_STEP), LONGEST_WAY_TOGETHER
     begin = LAST * how[1] if near else 0.0
-    ropes.scratch.closing[0] = LONGEST_GAP  # searches that fail leave less
-    end = relax_in_parts(lambda *part: relax(*ropes.relaxed, *how, *part), elements, begin)
+    try:
+        end = relax_in_parts(lambda *part: relax(*ropes.relaxed, *how, *part), elements, begin)
+    finally:
+        ropes.scratch.closing[0] = LONGEST_GAP  # a search that fails leaves less, with which no clamp closes
     if not end.at_rest:
         raise EquilibriumError(
             f"no static equilibrium of the ropes together {_left(ropes.ropes, end, tolerance)}; check lengths, loads, "
