@@ -138,7 +138,7 @@ def test_a_problem_without_rest_says_so():
     said = r"after ([0-9]+) iterations: the last one moved a point by [0-9].* m, nodes most at .* m of the rope; "
     with pytest.raises(EquilibriumError, match=said + "allowed: 1e-09 m") as caught:
         Simulation(load_scenario(CANTILEVER, bar_on_a_pin(9.0)))
-    assert int(re.search(said, str(caught.value))[1]) < 0.3 * MAX_RELAXATIONS
+    assert int(re.search(said, str(caught.value))[1]) < 0.5 * MAX_RELAXATIONS
     assert Simulation(load_scenario(CANTILEVER, bar_on_a_pin(4.0))).time == 0.0
 
 

@@ -36,7 +36,7 @@ from cable_twin.mechanics.solution.bundle.records import (
 from cable_twin.mechanics.solution.newton import solve_increments
 
 MAX_RELAXATIONS = 5000
-STALLED = 500  # iterations without progress, after which there will be none: those that found a rest took up to 262
+STALLED = 1000  # iterations without progress, after which there will be none: those that found a rest took 10 to 500
 FACTOR, LEAST_FACTOR, LEAST_INCREMENT, IDLE = range(4)  # of the course of a relaxation, see `relax`
 LAST = 1e-12  # of the first mass factor: from there on iterations are Newton's
 CLOSED = 1e-6  # m, gap of a clamp
