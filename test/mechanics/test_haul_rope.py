@@ -176,7 +176,10 @@ def tangent(system, state, carriage):
 
 def at_rest(scenario, place, **cable):
     """Simulation of a shipped scenario in still air, whose cabin hangs at a place (m), and the position of that."""
-    values = {f"cable.{key}": value for key, value in cable.items()} | {"cable.axial_stiffness": 482e9}
+    values = {f"cable.{key}": value for key, value in cable.items()} | {
+        "cable.axial_stiffness": 482e9,
+        "cable.breaking_force": None,
+    }
     air = load_scenario(scenario).air.wind
     simulation = Simulation(
         load_scenario(scenario, {**values, "air.wind": [0.0] * len(air), "carriages.cabin.arc_length": place})

@@ -39,7 +39,7 @@ BAD_COMMANDS = {  # one of each kind; test_command_messages.py and test_goals.py
     "cabin' is nan": {"name": ["cabin"], "velocity": [math.nan]},
     "1 names and 2 values of velocity": {"name": ["cabin"], "velocity": [1.0, 2.0]},
     "speed of 'cabin': given 10.5 m/s; allowed: -10 to 10 m/s": {"name": ["cabin"], "velocity": [10.5]},
-    "place for 'cabin': given '9000.0'; allowed: ": {"name": ["cabin"], "position": [9000.0]},
+    "place for 'cabin': given 9000 m; allowed: ": {"name": ["cabin"], "position": [9000.0]},
     "carriage or drive: given 'gondola'": {"name": ["cabin", "gondola"], "velocity": [1.0, 1.0]},
 }
 

@@ -17,7 +17,7 @@ from cable_twin.mechanics.rope.ale import rest_stretch
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.bundle.records import LONGEST_GAP
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
-from cable_twin.mechanics.solution.relaxation import LAST, Relaxed, hang_carriages, relax, relax_in_parts
+from cable_twin.mechanics.solution.relaxation import LAST, STALLED, Relaxed, hang_carriages, relax, relax_in_parts
 from cable_twin.mechanics.state import State, WindField, Workspace
 
 SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
@@ -52,7 +52,9 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
     return rest_over_supports(system).place(arc_lengths)
 
 
-def settled(system: System, state: State, work: Workspace, tolerance: float, *, near: bool = False) -> Relaxed:
+def settled(
+    system: System, state: State, work: Workspace, tolerance: float, *, near: bool = False, patience: int = STALLED
+) -> Relaxed:
     """Relax one rope alone with all its joints held.
 
     Args:
@@ -61,6 +63,7 @@ def settled(system: System, state: State, work: Workspace, tolerance: float, *, 
         work: scratch space.
         tolerance: last increment (m) that is allowed.
         near: whether the rope is near its equilibrium already.
+        patience: number of iterations without progress after which it gives up.
     """
     cable = system.cable
     alone = Assembly([Rope(system, state, work)])
@@ -68,7 +71,8 @@ def settled(system: System, state: State, work: Workspace, tolerance: float, *, 
     wave_time = shortest * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
     how = tolerance, 1.0 / (wave_time * wave_time), LONGEST_WAY * shortest
     begin = LAST * how[1] if near else 0.0
-    return relax_in_parts(lambda *part: relax(*alone.relaxed, *how, *part), len(state.nodes.position) - 1, begin)
+    elements = len(state.nodes.position) - 1
+    return relax_in_parts(lambda *part: relax(*alone.relaxed, *how, *part), elements, begin, patience)
 
 
 def settle_near(system: System, state: State, work: Workspace) -> None:
@@ -288,7 +292,7 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> 
     for share in SOFTER:
         softer = system._replace(cable=cable._replace(axial_stiffness=share * cable.axial_stiffness))
         settled(softer, state, work, rough)
-    return settled(system, state, work, tolerance)
+    return settled(system, state, work, tolerance, patience=2 * STALLED)  # the last resort: stiff cables are slow
 
 
 def _advice(system: System, state: State) -> str:

@@ -37,7 +37,7 @@ from cable_twin.mechanics.solution.newton import solve_increments
 
 MAX_RELAXATIONS = 5000
 STALLED = 1000  # iterations without progress, after which there will be none: those that found a rest took 10 to 500
-FACTOR, LEAST_FACTOR, LEAST_INCREMENT, IDLE = range(4)  # of the course of a relaxation, see `relax`
+FACTOR, LEAST_FACTOR, LEAST_INCREMENT, IDLE, PATIENCE = range(5)  # of the course of a relaxation, see `relax`
 LAST = 1e-12  # of the first mass factor: from there on iterations are Newton's
 CLOSED = 1e-6  # m, gap of a clamp
 SHARPEST = 0.5  # rad, that a body turns in an iteration
@@ -123,8 +123,9 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
         tolerance: last increment (m) that is allowed.
         first: mass factor (1/s²) to begin with.
         longest: displacement (m) that a point may make in an iteration.
-        course: (4,) mass factor (1/s²) with which to go on, 0 to begin and at rest; the least one so far; the least
-            increment (m) with the smallest mass factor; number of iterations since the last progress.
+        course: (5,) mass factor (1/s²) with which to go on, 0 to begin and at rest; the least one so far; the least
+            increment (m) with the smallest mass factor; number of iterations since the last progress; after how many
+            it gives up.
         iterations: most of them.
 
     Returns:
@@ -182,7 +183,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
             mass_factor = max(0.25 * mass_factor, smallest)
             if bundle.coupled:
                 scratch.closing[0] = min(1.5 * scratch.closing[0], LONGEST_GAP)
-        if course[IDLE] >= STALLED:
+        if course[IDLE] >= course[PATIENCE]:
             iterations = iteration + 1
             break
     course[FACTOR] = mass_factor
@@ -236,7 +237,9 @@ class Relaxed(NamedTuple):
     increment: float
 
 
-def relax_in_parts(relax: Callable[[FloatArray, int], tuple[int, float]], elements: int, begin: float = 0.0) -> Relaxed:
+def relax_in_parts(
+    relax: Callable[[FloatArray, int], tuple[int, float]], elements: int, begin: float = 0.0, patience: int = STALLED
+) -> Relaxed:
     """Run a relaxation in parts until all forces balance, it makes no more progress, or it has taken too long.
 
     Args:
@@ -244,11 +247,12 @@ def relax_in_parts(relax: Callable[[FloatArray, int], tuple[int, float]], elemen
             increment (m); see the kernel.
         elements: of the mesh.
         begin: mass factor of the first part.
+        patience: number of iterations without progress after which it gives up.
     """
     begun, used, first, increment = time.monotonic(), 0, begin, 0.0
     part = max(PART // elements, 1)
-    course = np.array([begin, inf, inf, 0.0])
-    while used < MAX_RELAXATIONS and course[IDLE] < STALLED:
+    course = np.array([begin, inf, inf, 0.0, patience])
+    while used < MAX_RELAXATIONS and course[IDLE] < patience:
         taken, increment = relax(course, min(part, MAX_RELAXATIONS - used))
         used += taken
         factor = float(course[FACTOR])
@@ -263,6 +267,7 @@ def relax_in_parts(relax: Callable[[FloatArray, int], tuple[int, float]], elemen
 
 __all__ = [
     "LAST",
+    "STALLED",
     "Moment",
     "Relaxed",
     "hang_carriages",
