@@ -233,6 +233,36 @@ def test_changed_parameters_act_on_the_present_state(tramways, tramway):
     tramways.change({"air.wind.x": 0.0})
 
 
+def test_forked_members_keep_their_own_payload_wind_and_temperature(tramway):
+    payload = "carriages.cabin.payload.mass"
+    parameters = {payload: [0.0, 3200.0, 6400.0], "air.wind.x": [12.0, 0.0, 0.0], "air.temperature": [20.0, 20.0, 0.0]}
+    ensemble = Ensemble("aerial_tramway", 3, parameters=parameters, threads=1)
+    tramway.command("cabin", speed=2.0)
+    tramway.advance_to(0.2)
+    ensemble.fork(tramway)
+    assert ensemble.observe(["cabin/payload"])["cabin/payload"].tolist() == parameters[payload]
+    changed = Ensemble("aerial_tramway", 3, threads=1)
+    changed.fork(tramway)
+    changed.change(parameters)
+    for one in (ensemble, changed):
+        one.advance_to(0.4)
+    assert np.array_equal(ensemble.numbers(), changed.numbers(), equal_nan=True)
+    ensemble.apply(Command("reset", {}))  # to the start of the simulation
+    ensemble.change({payload: parameters[payload]})
+    assert ensemble.observe(["cabin/payload"])["cabin/payload"].tolist() == parameters[payload]
+
+
+def test_a_begun_member_goes_on_from_its_own_scenario():
+    friction, own = {"carriages.cabin.friction.rolling": 0.01}, {"carriages.cabin.payload.mass": 0.0, "air.wind.x": 12.0}
+    ensemble = Ensemble("aerial_tramway", 2, threads=1)
+    ensemble.begin(load_scenario("aerial_tramway", own), 1)
+    ensemble.change(friction, 1)
+    assert ensemble.values == ({}, friction)
+    assert ensemble.simulation(1).scenario == load_scenario("aerial_tramway", {**own, **friction})
+    ensemble.fork(apart("aerial_tramway", {}), 1)
+    assert ensemble.observe(["cabin/payload"])["cabin/payload"].tolist() == [6400.0, 0.0]
+
+
 def test_a_member_that_ends_says_why_and_the_others_go_on():
     ensemble = Ensemble(load_scenario("single_span"), 3, threads=1)
     ensemble.command("cabin", speed=1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any
 
@@ -17,7 +17,7 @@ from cable_twin.ensemble.blending import Turn, are_alike, blend, turn
 from cable_twin.ensemble.columns import MemberColumns, figure_columns
 from cable_twin.ensemble.members import MemberStates, looks_of
 from cable_twin.ensemble.threads import Threads
-from cable_twin.ensemble.values import Source, Values, values_of, with_values
+from cable_twin.ensemble.values import Source, Values, put_in, values_of, with_values
 from cable_twin.frame.quantities import Reader, chosen, quantities
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.snapshot import Layout, Snapshot
@@ -79,6 +79,7 @@ class Ensemble:
         self._states = MemberStates(base, int(members))
         self._progress = sys.stderr.isatty() if progress is None else progress
         self._values: list[dict[str, Any]] = [{} for _ in range(len(self))]
+        self._sources: list[Source] = [self._source] * len(self)  # to which the values of each belong
         self._faults: dict[int, str] = {}
         self._first = self._states.settings[0]
         self._limits, self._looks = command_limits(self.scenario), looks_of(base)
@@ -113,7 +114,7 @@ class Ensemble:
 
     @property
     def values(self) -> tuple[Mapping[str, Any], ...]:
-        """Values by dotted key in which each member differs from the scenario."""
+        """Values by dotted key in which each member differs from the scenario, or from the one it was begun with."""
         return tuple(dict(one) for one in self._values)
 
     @property
@@ -124,8 +125,8 @@ class Ensemble:
     def change(self, parameters: Values, members: Chosen = None, *, rest: bool = False) -> None:
         """Change parameters of members, at their present state or at a new static equilibrium.
 
-        At the present state, payloads change with the state, and so do wind and temperature where their keys are given;
-        joints keep the compliance of the rest of the scenario.
+        At the present state, the payload of a carriage, wind and temperature change where their keys are given, and
+        payloads of carriers where they are still those of the start; joints keep the compliance of the rest.
 
         Args:
             parameters: values by dotted key: a sequence with one for each of these members, or one for all.
@@ -143,18 +144,18 @@ class Ensemble:
         with self._bar("members", len(rows)) as show:
             for member, own in zip(rows, wanted, strict=True):
                 values = self._values[member] | own
-                if (key := repr(sorted(values.items()))) not in made:
+                if (key := (id(self._sources[member]), repr(sorted(values.items())))) not in made:
                     made[key] = self._made(member, values, rest)
                 changed.append((member, values, made[key]))
                 show()
         for (member, values, (variant, state, motion, settings)), own in zip(changed, wanted, strict=True):
-            before, states.variants[member], self._values[member] = states.variants[member], variant, values
+            before, states.variants[member], self._values[member] = states.variants[member].scenario, variant, values
             if rest:
                 states.arrays.states[member], states.arrays.motions[member] = state, motion
                 states.take([member], settings)
                 self._revive([member])
             else:
-                self._carry_over(member, before, settings, set(own))
+                self._go_on_with(member, states.settings[member], settings, before, own)
         self._threads.forget([one.engine.bundle for one in states.variants])
 
     def begin(self, scenario: Scenario, member: int) -> None:
@@ -167,12 +168,16 @@ class Ensemble:
         (row,), states, engine = self._rows(member), self._states, self._states.base.engine
         engine.go_to_start()
         states.variants[row] = variant = states.base.with_values(scenario)
+        self._sources[row], self._values[row] = scenario.resolved(), {}
         states.leave(row, variant)
         self._revive([row])
         self._threads.forget([one.engine.bundle for one in states.variants])
 
     def fork(self, simulation: Simulation, members: Chosen = None, *, at: Any = None) -> None:
         """Copy the state of a simulation, at present or at given times, into members, which keep their own parameters.
+
+        Where the values of a member name the payload of a carriage, wind or temperature, it keeps these too. Payloads of
+        carriers come with the simulation where they have changed in stations. A reset goes back to its start.
 
         Args:
             simulation: of the scenario of this ensemble.
@@ -200,7 +205,8 @@ class Ensemble:
         alike = [member for member in rows if states.variants[member] is base]
         states.take(alike, settings)
         for member in [member for member in rows if states.variants[member] is not base]:
-            self._go_on_with(member, settings, states.settings[member])
+            keys = self._values[member] if self._sources[member] is self._source else ("air", "carriages")
+            self._go_on_with(member, settings, states.settings[member], base.scenario, keys)
         self._revive(rows)
 
     @property
@@ -366,13 +372,14 @@ class Ensemble:
         self, member: int, values: Mapping[str, Any], rest: bool
     ) -> tuple[Simulation, NDArray[np.uint8], NDArray[np.uint8], Settings]:
         """Build the simulation of a member with its own scenario values; returns also state, couplings, settings."""
-        base, engine = self._states.base, self._states.base.engine
+        base, engine, source = self._states.base, self._states.base.engine, self._sources[member]
+        own = bool(values) or source is not self._source
         engine.go_to_start()
         try:
-            variant = with_values(base, self._source, values, rest=rest) if values else base
+            variant = with_values(base, source, values, rest=rest) if own else base
         except EquilibriumError as error:
             raise EquilibriumError(f"member {member}: {error}") from None
-        settings = variant.engine.settings() if values else self._first
+        settings = variant.engine.settings() if own else self._first
         return variant, engine.memory.copy(), engine.moving.memory.copy(), settings
 
     def _fork_at(self, simulation: Simulation, rows: Sequence[int], at: Any) -> None:
@@ -390,30 +397,23 @@ class Ensemble:
                 self.fork(simulation, rows[place])
                 show()
 
-    def _go_on_with(self, member: int, settings: Settings, parameters: Settings) -> None:
-        """Replace the settings of a member, except the parameters, which are those of `parameters`; its state stays."""
+    def _go_on_with(
+        self, member: int, settings: Settings, parameters: Settings, before: Scenario, keys: Collection[str]
+    ) -> None:
+        """Continue a member's present state with other settings, the parameters of `parameters`, and given keys.
+
+        Args:
+            member: number of the member.
+            settings: settings, except the parameters.
+            parameters: settings with the parameters.
+            before: scenario that the state comes from.
+            keys: keys of the member's scenario whose payloads, wind and temperature replace those of the state.
+        """
         states, vehicles = self._states, settings.vehicles._replace(carried=None)
         states.take([member], settings._replace(parameters=parameters.parameters, vehicles=vehicles))
         simulation = states.enter(member)
         simulation.engine.carry_loads()
-        states.leave(member, simulation)
-
-    def _carry_over(self, member: int, before: Simulation, parameters: Settings, keys: set[str]) -> None:
-        """Continue a member's present state with changed scenario values: parameters, payloads, wind, temperature."""
-        states = self._states
-        self._go_on_with(member, states.settings[member], parameters)
-        simulation = states.enter(member)
-        scenario, old = simulation.scenario, before.scenario.vehicles
-        loads = {
-            name: vehicle.payload.mass
-            for name, vehicle in scenario.vehicles.items()
-            if vehicle.payload and vehicle.payload != old[name].payload
-        }
-        simulation.engine.vehicles.put_in(loads)
-        if any(key.startswith("air.wind") for key in keys):
-            simulation.apply(Command("wind", wind_of(scenario)))
-        if "air.temperature" in keys:
-            simulation.temperature(scenario.air.temperature)
+        put_in(simulation, keys, before)
         states.leave(member, simulation)
 
     def _advance(self, targets: NDArray[np.int64], on_part: Callable[[], object]) -> None:
@@ -553,12 +553,6 @@ class Ensemble:
         from cable_twin.terminal.bars import share_shown  # noqa: PLC0415
 
         return share_shown(Console(stderr=True), what)
-
-
-def wind_of(scenario: Scenario) -> dict[str, float]:
-    """Values by axis, in m/s, of the command that sets the mean wind of a scenario."""
-    along, *across, up = scenario.air.wind
-    return {"x": along, "z": up} | ({"y": across[0]} if across else {})
 
 
 def usable_cores() -> int:

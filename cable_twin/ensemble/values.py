@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cable_twin.basics.printable import printable
-from cable_twin.scenario import full_key, load_scenario
+from cable_twin.scenario import Scenario, full_key, load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.same_model import OtherModelError
 
@@ -67,6 +67,37 @@ def with_values(base: Simulation, source: Source, values: Mapping[str, Any], *, 
         return base.with_values(scenario, rest=rest)
     except OtherModelError as error:
         raise ValueError(_refusal(base, source, values, error)) from None
+
+
+def put_in(simulation: Simulation, keys: Collection[str], before: Scenario) -> None:
+    """Put payloads, wind and temperature of the scenario into the present state, where given keys name them.
+
+    Payloads of carriers, which change in stations, are put in where the state has those of the scenario before.
+
+    Args:
+        simulation: the simulation.
+        keys: dotted keys of its scenario.
+        before: scenario that the state comes from.
+    """
+    scenario, carried, loads = simulation.scenario, simulation.state.payload.tolist(), {}
+    for row, (name, vehicle) in enumerate(scenario.vehicles.items()):
+        if vehicle.payload is None:
+            continue
+        last = before.vehicles[name].payload
+        still = last is not None and carried[row] == last.mass != vehicle.payload.mass
+        if still or _name(keys, f"carriages.{name}.payload.mass"):
+            loads[name] = vehicle.payload.mass
+    simulation.engine.vehicles.put_in(loads)
+    if _name(keys, "air.wind"):
+        along, *across, up = scenario.air.wind
+        simulation.wind(along, up, *across)
+    if _name(keys, "air.temperature"):
+        simulation.temperature(scenario.air.temperature)
+
+
+def _name(keys: Collection[str], key: str) -> bool:
+    """Whether any of several dotted keys is this one, or one of a part of it, or one that it is a part of."""
+    return any(f"{one}.".startswith(f"{key}.") or f"{key}.".startswith(f"{one}.") for one in keys)
 
 
 def _refusal(base: Simulation, source: Source, values: Mapping[str, Any], error: OtherModelError) -> str:
