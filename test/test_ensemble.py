@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import re
 from collections.abc import Iterator
@@ -253,7 +254,8 @@ def test_forked_members_keep_their_own_payload_wind_and_temperature(tramway):
 
 
 def test_a_begun_member_goes_on_from_its_own_scenario():
-    friction, own = {"carriages.cabin.friction.rolling": 0.01}, {"carriages.cabin.payload.mass": 0.0, "air.wind.x": 12.0}
+    own = {"carriages.cabin.payload.mass": 0.0, "air.wind.x": 12.0}
+    friction = {"carriages.cabin.friction.rolling": 0.01}
     ensemble = Ensemble("aerial_tramway", 2, threads=1)
     ensemble.begin(load_scenario("aerial_tramway", own), 1)
     ensemble.change(friction, 1)
@@ -385,3 +387,5 @@ def test_times_and_members_are_checked(tramways, tramway):
         tramways.fork(apart("single_span", {}))
     with pytest.raises(ValueError, match="observations: given 'nothing'"):
         tramways.observe(["nothing"])
+    with pytest.raises(TypeError, match="given an Ensemble; allowed: a Simulation"):
+        copy.deepcopy(tramways)

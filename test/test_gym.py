@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 
 import gymnasium
@@ -126,6 +127,16 @@ def test_a_step_is_what_the_api_does(env):
         assert reward == nearer(before, [min(speed, 10.0)], seen) != 0.0
         assert (terminated, truncated, info) == (False, False, {"time": plain.time})
     assert plain.snapshot.ropes[CABLE].tensions.size > 2  # which the environment does not read
+
+
+def test_a_copied_environment_goes_on_by_itself(env):
+    env.reset(seed=1)
+    env.step(np.array([3.0]))
+    other, place = copy.deepcopy(env), env.simulation.snapshot.carriages["cabin"].arc_length
+    later = other.step(np.array([3.0]))[0]
+    assert env.simulation.snapshot.carriages["cabin"].arc_length == place
+    assert np.array_equal(env.step(np.array([3.0]))[0], later)
+    assert np.array_equal(env.reset(seed=1)[0], other.reset(seed=1)[0])
 
 
 def test_the_wind_of_an_episode_is_felt(env):

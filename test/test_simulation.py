@@ -1,3 +1,5 @@
+import copy
+import pickle
 import sys
 from math import inf, nan
 
@@ -346,6 +348,18 @@ print("caught", caught)
     result = run_python("-c", code)
     assert result.returncode == 0, result.stderr
     assert result.stdout == "caught 200\n"
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copy_goes_on_by_itself_with_the_same_bits(copied):
+    simulation = driven()
+    simulation.command("carriage", speed=1.0)
+    simulation.advance_to(0.1)
+    other, before = copied(simulation), simulation.snapshot
+    assert same(other.snapshot, before)
+    after = other.advance_to(0.2)
+    assert simulation.snapshot is before
+    assert same(simulation.advance_to(0.2), after)
 
 
 def test_the_state_can_be_read_and_not_written():

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -176,8 +177,8 @@ class Ensemble:
     def fork(self, simulation: Simulation, members: Chosen = None, *, at: Any = None) -> None:
         """Copy the state of a simulation, at present or at given times, into members, which keep their own parameters.
 
-        Where the values of a member name the payload of a carriage, wind or temperature, it keeps these too. Payloads of
-        carriers come with the simulation where they have changed in stations. A reset goes back to its start.
+        Where the values of a member name the payload of a carriage, wind or temperature, it keeps these too, and
+        payloads of carriers where they have not changed in stations. A reset goes to the start of the simulation.
 
         Args:
             simulation: of the scenario of this ensemble.
@@ -346,10 +347,10 @@ class Ensemble:
     def simulation(self, member: int) -> Simulation:
         """Independent simulation that continues from the present state of a member, bit for bit."""
         (row,) = self._rows(member)
-        full = self._states.enter(row).capture()
-        apart = Simulation(full.scenario, samples=self._states.base.observer.samples, on_demand=True)
-        apart.restore(full)
-        return apart
+        return copy(self._states.enter(row))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError("copy or pickle: given an Ensemble; allowed: a Simulation, as of `simulation(member)`")
 
     def figures(self) -> MemberColumns:
         """Key figures of all members from the start to the present time: columns (members, n) by name, with units.

@@ -283,6 +283,10 @@ class Simulation(Queries):
         """Whether the simulation is at the start of its scenario: no step, command or restored state since."""
         return self._at_start
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Independent simulation that goes on bit for bit, for `copy` and `pickle`; it takes as long as a start."""
+        return _resumed, (self.capture(), self._observer.samples, self._on_demand)
+
     def save(self, path: str | Path) -> None:
         """Write the full state to a file, from which `load` continues bit for bit.
 
@@ -446,6 +450,13 @@ class Simulation(Queries):
         if not outcome.converged:
             raise SolverError(step_failure(self.system.solver, clock, outcome))
         return self.snapshot
+
+
+def _resumed(full: FullState, samples: int, on_demand: bool) -> Simulation:
+    """Simulation that continues from a full state."""
+    simulation = Simulation(full.scenario, samples=samples, on_demand=on_demand)
+    simulation.restore(full)
+    return simulation
 
 
 def advance_in_batches(

@@ -286,6 +286,11 @@ class Kept:
         self._records: tuple[Any, ...] = ()
         self.memory: Memory = records[0].memory.copy()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Kept records for copies and other processes, as their block of memory."""
+        records = self.records
+        return _kept, (records[0].memory.base, [(type(one), _row_of(one)) for one in records])
+
     @property
     def records(self) -> tuple[Any, ...]:
         """Records on the copied memory; writing to their arrays changes the copy."""
@@ -300,6 +305,11 @@ class Kept:
     def record(self) -> Any:
         """First of the copied records, on the copied memory."""
         return self.records[0]
+
+
+def _kept(block: NDArray[Any], records: Sequence[tuple[type, int]]) -> Kept:
+    """Kept records of a block of memory, from the class and the number of each."""
+    return Kept(*(_views(kind, block, row) for kind, row in records))
 
 
 def _row_of(record: Any) -> int:
