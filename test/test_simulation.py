@@ -96,6 +96,10 @@ def test_a_time_that_is_none_is_refused(time):
         (Command("speed", {"carriage": nan}), "speed of 'carriage': given nan m/s; allowed: a finite number"),
         (Command("force", {"carriage": inf}), "force of 'carriage': given inf N; allowed: a finite number"),
         (Command("speed", {}), "speed: given no name; allowed: a carriage or drive"),
+        (Command("speed", {"carriage": "1"}), "speed of 'carriage': given '1'; allowed: a number in m/s"),
+        (Command("wind", {"x": "a", "z": 0.0}), "wind of 'x': given 'a'; allowed: a number in m/s"),
+        (Command("temperature", {"ropes": None}), "temperature of 'ropes': given None; allowed: a number in degC"),
+        ("release", "command: given 'release'; allowed: a `Command` with kind and values"),
     ],
 )
 def test_refusals_say_what_is_allowed_and_change_nothing(command, message):
@@ -144,6 +148,25 @@ def test_commands_say_when_and_by_whom_they_were_applied():
     applied = simulation.apply(command, source="cable_car")
     assert (applied.time, applied.command, applied.source) == (0.01, command, "cable_car")
     assert simulation.command("carriage", force=1.0).source == "python"
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.int64])
+def test_commands_take_numbers_of_numpy(kind, tmp_path):
+    simulation = driven()
+    applied = simulation.command("carriage", speed=kind(1))
+    assert type(applied.command.values["carriage"]) is float
+    simulation.save(tmp_path / "state.npz")
+
+
+@pytest.mark.parametrize("samples", [0, 1, 2.5])
+def test_samples_are_two_or_more(samples):
+    with pytest.raises(ValueError, match=f"samples: given {samples}; allowed: a whole number from 2"):
+        Simulation(load_scenario("seed_example"), samples=samples)
+
+
+def test_a_name_is_no_scenario():
+    with pytest.raises(TypeError, match="scenario: given 'seed_example'; allowed: a Scenario, as of `load_scenario`"):
+        Simulation("seed_example")
 
 
 def test_a_driven_joint_takes_over_from_the_present_motion():

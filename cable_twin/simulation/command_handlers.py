@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -161,22 +161,37 @@ class Handler(NamedTuple):
     between: Callable[[Engine, Command], None] | None = None  # effect on bullwheels and the whole lift
 
 
-def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> None:
+def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> Command:
     """Refuse a command impossible in any state; `stopped`: whether an emergency stop is in force by then.
+
+    Returns:
+        The command, with floats for numbers of any other type, such as those of arrays.
 
     Raises:
         CommandError: one line with what was given and what is allowed.
     """
+    if not isinstance(command, Command):
+        raise CommandError(f"command: given {command!r}; allowed: a `Command` with kind and values")
     if command.kind not in HANDLERS:
         raise CommandError(f"command: given kind {command.kind!r}; allowed: {', '.join(HANDLERS)}")
     if KINDS[command.kind].drives and stopped:
         raise CommandError("the emergency stop is in force: release it before the next command")
+    command = Command(command.kind, {name: _float(command.kind, name, one) for name, one in command.values.items()})
     if (check := HANDLERS[command.kind].check) is not None:
         check(command, scenario)
+    return command
 
 
-def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
-    """Apply a command: whole or, with an error, not at all.
+def _float(kind: str, name: str, value: Any) -> float:
+    """Value of a command as a float; refuses texts and arrays of several numbers."""
+    if not hasattr(value, "__float__") or np.ndim(value):
+        what = f"{kind.replace('_', ' ')} of '{printable(name)}'"
+        raise CommandError(f"{what}: given {value!r}; allowed: a number in {KINDS[kind].unit_of(name)}")
+    return float(value)
+
+
+def take_effect(engine: Engine, scenario: Scenario, command: Command) -> Command:
+    """Apply a command: whole or, with an error, not at all; returns it as it was applied.
 
     Args:
         engine: Engine with the ropes and couplings that the command acts on.
@@ -186,7 +201,7 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
     Raises:
         CommandError: one line with what was given and what is allowed.
     """
-    check_ahead(scenario, command, stopped=engine.parts[0].stopped)
+    command = check_ahead(scenario, command, stopped=engine.parts[0].stopped)
     effect = HANDLERS[command.kind]
     shares = [(part, _share(command, part)) for part in engine.parts]
     acting = engine.acting()
@@ -200,6 +215,7 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
         effect.between(engine, command)
     if engine.acting() != acting:
         engine.forget_accelerations()
+    return command
 
 
 def _share(command: Command, part: Ropeway) -> Command:

@@ -110,6 +110,8 @@ class Engine:
         Raises:
             OtherModelError: the scenario differs from that of the other engine in more than values.
         """
+        if not isinstance(scenario, Scenario):
+            raise TypeError(f"scenario: given {scenario!r}; allowed: a Scenario, as of `load_scenario`")
         if like is not None:
             check_same_parts(scenario, like._scenario)
         self._scenario: Scenario = scenario

@@ -24,6 +24,7 @@ from cable_twin.simulation.ropeway import Ropeway
 
 ROPE_POINTS = 10  # of an element, at which its clearance is taken
 SHAPE_POINTS = 32  # of an element, among which the largest displacement of a mode is looked for
+LEAST_SAMPLES = 2  # of a rope: its ends
 LEAST = 1e-9  # of a length, by which a place may be off the rope: rounding
 
 
@@ -199,7 +200,9 @@ class Observer:
     """
 
     def __init__(self, scenario: Scenario, engine: Engine, samples: int) -> None:
-        self._engine, self.samples = engine, samples
+        if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < LEAST_SAMPLES:
+            raise ValueError(f"samples: given {samples!r}; allowed: a whole number from {LEAST_SAMPLES}")
+        self._engine, self.samples = engine, int(samples)
         self.layout = layout = Layout.of(scenario, samples)
         self._numbers = np.zeros(layout.size)
         self._columns = layout.columns(self._numbers)

@@ -414,7 +414,7 @@ class Simulation(Queries):
         Raises:
             CommandError: one line with what was given and what is allowed.
         """
-        take_effect(self._engine, self.scenario, command)
+        command = take_effect(self._engine, self.scenario, command)
         self._at_start = False
         applied = AppliedCommand(self.time, command, source)
         self._show(NOTHING_DONE)
