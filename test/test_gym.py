@@ -13,7 +13,7 @@ from gymnasium.vector import SyncVectorEnv
 from test_meeting import two_cabins
 
 from cable_twin.frame.snapshot import CABLE
-from cable_twin.gym import NAME, RopewayEnv, vector_env
+from cable_twin.gym import NAME, RopewayEnv, RopewayVectorEnv, vector_env
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -203,6 +203,8 @@ def test_a_seed_gives_the_same_start_and_another_one_another(env):
         ({"command": "torque"}, "command of 'cabin': given 'torque'; allowed: speed or force"),
         ({"command": {"bus": "speed"}}, "command: given 'bus'; allowed: cabin"),
         ({"period": 0.0123}, "period: given 0.0123 s; allowed: a whole number of solver steps of 0.005 s"),
+        ({"reward": 3}, "reward: given 3; allowed: a function"),
+        ({"overrides": [1]}, r"overrides: given \[1\]; allowed: a mapping of dotted keys to values"),
         ({"duration": 0.0}, "duration: given 0 s; allowed: at least the period"),
         (
             {"overrides": {"carriages.cabin.drive.limits.speed": None}},
@@ -313,5 +315,15 @@ def test_a_list_of_seeds_has_one_for_each_environment():
         many.reset(seed=[1, 2, 3])
     with pytest.raises(ValueError, match="given 1 seeds"):
         many.reset(seed=[1])
+    with pytest.raises(ValueError, match="options: given reset_mask; allowed: none"):
+        many.reset(options={"reset_mask": np.array([True, False])})
     many.reset(seed=[1, 2])
+    many.reset(seed=np.int64(1))  # type: ignore[arg-type]
+    many.close()
+
+
+def test_a_vector_by_name_is_an_ensemble():
+    many = gymnasium.make_vec(f"cable_twin.gym:{NAME}", num_envs=2, scenario="single_span", duration=1.0)
+    assert isinstance(many.unwrapped, RopewayVectorEnv)
+    assert many.reset(seed=1)[0].shape[0] == 2
     many.close()

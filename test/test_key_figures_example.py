@@ -13,7 +13,7 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "experiments.md"
 
 
 def test_it_prints_figures_of_a_run_and_of_a_line_at_rest(capsys, tmp_path):
-    key_figures.main()
+    key_figures.main([])
     printed = capsys.readouterr().out.splitlines()
     limited = [row for row in printed if row.endswith((": kept", ": NOT KEPT"))]
     assert any(row.startswith("cabin: stopping") or row.startswith("rope safety factor: ") for row in limited)
@@ -30,3 +30,11 @@ def test_the_page_shows_the_code_of_the_example():
         body = inspect.getsource(function).partition('"""\n')[2]
         lines = [row.strip() for row in body.splitlines() if not row.strip().startswith("return")]
         assert all(row in text for row in lines), function.__name__
+
+
+def test_each_block_of_the_page_runs_by_itself():
+    text = PAGE.read_text(encoding="utf-8").partition("## Key figures from Python")[2].partition("\n## ")[0]
+    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        exec(block.replace("7.0, 20.0", "7.0, 0.1").replace('tramway", 20', 'tramway", 2'), {})

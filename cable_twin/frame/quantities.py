@@ -173,8 +173,8 @@ def by_default(scenario: Scenario, layout: Layout) -> tuple[str, ...]:
     )
 
 
-def chosen(known: Mapping[str, Quantity], patterns: Sequence[str], start: Snapshot) -> dict[str, Quantity]:
-    """Observable quantities whose names match the patterns (`*` for any text), in the order of the patterns.
+def chosen(known: Mapping[str, Quantity], patterns: str | Sequence[str], start: Snapshot) -> dict[str, Quantity]:
+    """Observable quantities whose names match a pattern or several (`*` for any text), in the order of the patterns.
 
     Raises:
         ValueError: a pattern matches no quantity of this scenario.
@@ -182,7 +182,7 @@ def chosen(known: Mapping[str, Quantity], patterns: Sequence[str], start: Snapsh
     there = np.isfinite(Reader(known.values()).read(start.numbers))
     has = {name: one for (name, one), is_there in zip(known.items(), there.tolist(), strict=True) if is_there}
     found: dict[str, Quantity] = {}
-    for pattern in patterns:
+    for pattern in [patterns] if isinstance(patterns, str) else patterns:
         fitting = {name: one for name, one in has.items() if fnmatchcase(name, pattern)}
         if not fitting:
             raise ValueError(f"observations: given {pattern!r}; {_allowed(pattern, has)}")

@@ -90,7 +90,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         *,
         overrides: Mapping[str, Any] | None = None,
         command: str | Mapping[str, str] = "speed",
-        observations: Sequence[str] | None = None,
+        observations: str | Sequence[str] | None = None,
         period: float = 0.01,
         duration: float = 120.0,
         reward: Reward | None = None,
@@ -98,6 +98,9 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         prepare: Callable[[Simulation, np.random.Generator], None] | None = None,
     ) -> None:
         self._reward, self._ended, self._prepare = reward, ended, prepare
+        for name, given in (("reward", reward), ("ended", ended), ("prepare", prepare)):
+            if given is not None and not callable(given):
+                raise ValueError(f"{name}: given {given!r}; allowed: a function")
         if isinstance(scenario, Scenario):
             scenario = scenario.resolved()
         self.simulation = Simulation(load_scenario(scenario, overrides), samples=ENDS_OF_CABLE, on_demand=True)

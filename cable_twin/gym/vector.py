@@ -50,9 +50,12 @@ class RopewayVectorEnv(VectorEnv[FloatArray, FloatArray, FloatArray]):
         """Begin an episode in every environment; with a whole number as seed, environment n has seed + n.
 
         Raises:
-            ValueError: a list of seeds has not one for each environment.
+            ValueError: a list of seeds has not one for each environment, or `options` have a `reset_mask`; others are
+                not used.
         """
-        seeds = [seed + row for row in range(self.num_envs)] if isinstance(seed, int) else seed
+        if "reset_mask" in (options or {}):
+            raise ValueError("options: given reset_mask; allowed: none, as environments begin anew by themselves")
+        seeds = [int(seed) + row for row in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
         if seeds is not None and len(seeds) != self.num_envs:
             raise ValueError(f"seed: given {len(seeds)} seeds; allowed: one for each of {self.num_envs} environments")
         for row, own in enumerate(seeds or []):
