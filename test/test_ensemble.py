@@ -171,6 +171,21 @@ def test_chairs_are_loaded_in_stations_in_each_member_as_in_a_simulation():
     ensemble.close()
 
 
+@pytest.mark.parametrize("of", [list, np.array])
+def test_members_may_be_a_mask(tramways, tramway, of):
+    tramways.fork(tramway)
+    tramways.command("cabin", speed=[1.0, 2.0], members=of([True, False, False, True, False, False]))
+    tramways.advance_to(0.1)
+    assert np.flatnonzero(abs(tramways.observe("cabin/speed").array[:, 0]) > 1e-6).tolist() == [0, 3]
+
+
+def test_a_closed_ensemble_says_so():
+    ensemble = Ensemble("aerial_tramway", 2, threads=2)
+    ensemble.close()
+    with pytest.raises(ValueError, match=r"advance_to: given an ensemble after close\(\); allowed: before it"):
+        ensemble.advance_to(1.0)
+
+
 def test_a_refused_command_changes_no_member_and_names_the_one(tramways, tramway):
     tramways.fork(tramway)
     before = tramways.numbers()
@@ -381,11 +396,26 @@ def test_times_and_members_are_checked(tramways, tramway):
     tramways.fork(tramway)
     with pytest.raises(ValueError, match="given nan s for member 0; allowed: a finite time"):
         tramways.advance_to(np.nan)
-    with pytest.raises(ValueError, match="members: given 6; allowed: 0 to 5"):
-        tramways.fork(tramway, 6)
+    wrong = {
+        r"advance_to: given 1e\+300 s for member 0; allowed: .* up to ": lambda: tramways.advance_to(1e300),
+        r"advance_to: given \[1, 2\]; allowed: one number, or 6,": lambda: tramways.advance_to([1, 2]),
+        "speed: given fast; allowed: one number, or 1,": lambda: tramways.command("cabin", speed="fast", members=0),
+        r"fork: at: given \[1, 2\]; allowed: one number, or 6,": lambda: tramways.fork(tramway, at=[1, 2]),
+        "members: given 6; allowed: 0 to 5, or a mask of all 6": lambda: tramways.fork(tramway, 6),
+        "members: given True; allowed": lambda: tramways.emergency_stop(members=True),
+        "members: given True; allowed: 0": lambda: tramways.emergency_stop(members=[True, False]),
+        "members: given 1.5; allowed": lambda: tramways.emergency_stop(members=1.5),
+        "member: given slice": lambda: tramways.snapshot(slice(0, 2)),
+        r"parameters: given \[1\]; allowed: a mapping": lambda: tramways.change([1]),
+        "command: given 'release'; allowed: a `Command`": lambda: tramways.apply("release"),
+        "observations: given 'nothing'": lambda: tramways.observe("nothing"),
+        "samples: given 1; allowed: a whole number from 2": lambda: Ensemble("single_span", 1, samples=1),
+        "scenario: given 'single_span'; allowed: a Scenario": lambda: tramways.begin("single_span", 0),
+    }
+    for line, ask in wrong.items():
+        with pytest.raises((TypeError, ValueError), match=line):
+            ask()
     with pytest.raises(ValueError, match="another scenario"):
         tramways.fork(apart("single_span", {}))
-    with pytest.raises(ValueError, match="observations: given 'nothing'"):
-        tramways.observe(["nothing"])
     with pytest.raises(TypeError, match="given an Ensemble; allowed: a Simulation"):
         copy.deepcopy(tramways)

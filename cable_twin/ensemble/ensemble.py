@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from copy import copy
 from typing import Any
@@ -18,11 +18,12 @@ from cable_twin.ensemble.blending import Turn, are_alike, blend, turn
 from cable_twin.ensemble.columns import MemberColumns, figure_columns
 from cable_twin.ensemble.members import MemberStates, looks_of
 from cable_twin.ensemble.threads import Threads
-from cable_twin.ensemble.values import Source, Values, put_in, values_of, with_values
+from cable_twin.ensemble.values import Source, Values, numbers_of, put_in, values_of, with_values
 from cable_twin.frame.quantities import Reader, chosen, quantities
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures import KeyFigures
+from cable_twin.mechanics.language.declared import LATEST
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray
 from cable_twin.scenario import Scenario, command_limits, load_scenario
 from cable_twin.simulation import SAMPLES, EquilibriumError, Simulation
@@ -131,7 +132,7 @@ class Ensemble:
 
         Args:
             parameters: values by dotted key: a sequence with one for each of these members, or one for all.
-            members: number of a member, slice or sequence of numbers; None for all.
+            members: number of a member, slice, sequence of numbers or mask of all; None for all.
             rest: begin at the static equilibrium of the new values, at time 0.
 
         Raises:
@@ -166,7 +167,7 @@ class Ensemble:
             EquilibriumError: there is no static equilibrium; the member stays as it was.
             OtherModelError: the scenario has another mesh, other parts or another solver.
         """
-        (row,), states, engine = self._rows(member), self._states, self._states.base.engine
+        row, states, engine = self._row(member), self._states, self._states.base.engine
         engine.go_to_start()
         states.variants[row] = variant = states.base.with_values(scenario)
         self._sources[row], self._values[row] = scenario.resolved(), {}
@@ -182,7 +183,7 @@ class Ensemble:
 
         Args:
             simulation: of the scenario of this ensemble.
-            members: number of a member, slice or sequence of numbers; None for all.
+            members: number of a member, slice, sequence of numbers or mask of all; None for all.
             at: time (s), one for all or one for each of these members, up to which the simulation runs before it is
                 copied; None for the present state.
 
@@ -235,7 +236,7 @@ class Ensemble:
 
     def swing(self, member: int, turns: Sequence[Turn]) -> None:
         """Rotate bodies of a member, with all bodies that hang below them; the rope and its joint keep their state."""
-        (row,) = self._rows(member)
+        row = self._row(member)
         turn(self._states, row, turns)
 
     def command(self, name: str, *, speed: Any = None, force: Any = None, members: Chosen = None) -> None:
@@ -245,7 +246,7 @@ class Ensemble:
             name: of the carriage or the drive.
             speed: m/s along the cable, one for all or (members,).
             force: N along the cable, or at the rim of a bullwheel; one for all or (members,).
-            members: number of a member, slice or sequence of numbers; None for all.
+            members: number of a member, slice, sequence of numbers or mask of all; None for all.
 
         Raises:
             CommandError: the command is refused for a member, which the message names; no member is commanded then.
@@ -256,7 +257,7 @@ class Ensemble:
                 "allowed: either speed (m/s) or force (N)"
             )
         rows, kind = self._rows(members), "force" if speed is None else "speed"
-        given = np.broadcast_to(np.asarray(force if speed is None else speed, dtype=np.float64), (len(rows),))
+        given = numbers_of(len(rows), kind, force if speed is None else speed)
         alike = self._drive_alike(rows, name, kind, given)
         if alike and not self._figures_steps:
             return
@@ -277,7 +278,8 @@ class Ensemble:
             CommandError: the command is refused for a member, which the message names; no member is commanded then.
         """
         rows = self._rows(members)
-        each = [command] * len(rows) if isinstance(command, Command) else list(command)
+        several = isinstance(command, Sequence) and not isinstance(command, str)
+        each = list(command) if several else [command] * len(rows)
         if len(each) != len(rows):
             raise ValueError(f"apply: given {len(each)} commands; allowed: one, or {len(rows)}, one for each member")
         self._apply_each(rows, each)
@@ -290,13 +292,13 @@ class Ensemble:
         Raises:
             ValueError: a time is not finite, or a step or more ago for a member.
         """
-        times = np.broadcast_to(np.asarray(time, dtype=np.float64), (len(self),))
+        times = numbers_of(len(self), "advance_to", time)
         states, step, clocks = self._states, self._states.base.step, self._states.clocks
-        targets = np.round(np.where(np.isfinite(times), times, -1.0) / step).astype(np.int64)
+        targets = np.round(np.where(np.abs(times) < LATEST * step, times, -1.0) / step).astype(np.int64)
         for member in np.flatnonzero(self._alive & (targets < clocks)).tolist():
             raise ValueError(
                 f"advance_to: given {times[member]:.9g} s for member {member}; allowed: a finite time, from "
-                f"{self.times[member]:.9g} s on"
+                f"{self.times[member]:.9g} s up to {LATEST * step:.3g} s"
             )
         total = int(np.maximum(targets - clocks, 0).sum())
         with self._share_bar("members advance") as show:
@@ -315,7 +317,7 @@ class Ensemble:
                 for member in going.tolist():
                     self._figures[member].update(states.read(member).snapshot)
 
-    def observe(self, names: Sequence[str] | None = None) -> MemberColumns:
+    def observe(self, names: str | Sequence[str] | None = None) -> MemberColumns:
         """Present quantities of all members: columns (members, n) by name, with units.
 
         Args:
@@ -336,8 +338,7 @@ class Ensemble:
 
     def snapshot(self, member: int) -> Snapshot:
         """Snapshot of the present state of a member."""
-        (row,) = self._rows(member)
-        return self._states.read(row).snapshot
+        return self._states.read(self._row(member)).snapshot
 
     def snapshots(self) -> list[Snapshot]:
         """Snapshots of the present states of all members; with a single rope much faster than `snapshot` of each."""
@@ -346,8 +347,7 @@ class Ensemble:
 
     def simulation(self, member: int) -> Simulation:
         """Independent simulation that continues from the present state of a member, bit for bit."""
-        (row,) = self._rows(member)
-        return copy(self._states.enter(row))
+        return copy(self._states.enter(self._row(member)))
 
     def __reduce__(self) -> tuple[Any, ...]:
         raise TypeError("copy or pickle: given an Ensemble; allowed: a Simulation, as of `simulation(member)`")
@@ -385,7 +385,7 @@ class Ensemble:
 
     def _fork_at(self, simulation: Simulation, rows: Sequence[int], at: Any) -> None:
         """Run a simulation through given times (s) in ascending order; copy its state into one member at each time."""
-        times = np.broadcast_to(np.asarray(at, dtype=np.float64), (len(rows),))
+        times = numbers_of(len(rows), "fork: at", at)
         for member, time in zip(rows, times.tolist(), strict=True):
             if not math.isfinite(time) or time < simulation.time - 0.5 * simulation.step:
                 raise ValueError(
@@ -520,7 +520,7 @@ class Ensemble:
         return alive
 
     def _rows(self, members: Chosen) -> list[int]:
-        """Indices of the members selected by an index, a slice, a sequence of indices, or None for all.
+        """Indices of the members selected by an index, a slice, a sequence of indices, a mask, or None for all.
 
         Raises:
             ValueError: there is no such member.
@@ -529,11 +529,24 @@ class Ensemble:
             return list(range(len(self)))
         if isinstance(members, slice):
             return list(range(len(self)))[members]
-        given = [members] if isinstance(members, int | np.integer) else list(members)
+        given = list(members) if isinstance(members, Iterable) else [members]
+        if len(given) == len(self) and all(isinstance(one, bool | np.bool_) for one in given):
+            return [row for row, one in enumerate(given) if one]
         for one in given:
-            if not isinstance(one, int | np.integer) or not 0 <= one < len(self):
-                raise ValueError(f"members: given {one!r}; allowed: 0 to {len(self) - 1}")
+            if isinstance(one, bool) or not isinstance(one, int | np.integer) or not 0 <= one < len(self):
+                raise ValueError(f"members: given {one!r}; allowed: 0 to {len(self) - 1}, or a mask of all {len(self)}")
         return [int(one) for one in given]
+
+    def _row(self, member: int) -> int:
+        """Index of one member.
+
+        Raises:
+            ValueError: there is no such member, or several are given.
+        """
+        rows = self._rows(member)
+        if len(rows) != 1:
+            raise ValueError(f"member: given {member!r}; allowed: one of 0 to {len(self) - 1}")
+        return rows[0]
 
     def _bar(self, things: str, count: int) -> Any:
         """Progress bar over a number of members or values, on a terminal only."""

@@ -66,7 +66,7 @@ class Threads:
         self._code = address_of(engine.integrator, engine.arguments(0), OUTCOME)
         self._lanes: list[Lane] = []
         self._pool = ThreadPoolExecutor(count - 1, "ensemble") if count > 1 else None
-        self._front = threading.Lock()
+        self._front, self._closed = threading.Lock(), False
 
     def advance(
         self,
@@ -88,6 +88,8 @@ class Threads:
             on_part: called by the calling thread every some tenths of a second; what it raises ends the call, each
                 member at a whole step.
         """
+        if self._closed:
+            raise ValueError("advance_to: given an ensemble after close(); allowed: before it")
         count = min(self._count, len(order))
         while len(self._lanes) < count:
             self._lanes.append(Lane(self._engine))
@@ -134,6 +136,7 @@ class Threads:
 
     def close(self) -> None:
         """End all threads of the ensemble."""
+        self._closed = True
         if self._pool is not None:
             self._pool.shutdown(wait=True)
 

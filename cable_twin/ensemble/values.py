@@ -1,4 +1,4 @@
-"""Values of scenario keys that differ between the members of an ensemble."""
+"""Values that differ between the members of an ensemble: of scenario keys, and numbers given for each."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cable_twin.basics.printable import printable
+from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario, full_key, load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.same_model import OtherModelError
@@ -32,6 +33,8 @@ def values_of(members: int, parameters: Values, kept: Sequence[int] | None = Non
     Raises:
         ValueError: a sequence has another length than the ensemble; one line.
     """
+    if not isinstance(parameters, Mapping):
+        raise ValueError(f"parameters: given {printable(str(parameters))}; allowed: a mapping of dotted keys to values")
     found: list[dict[str, Any]] = [{} for _ in range(members)]
     for key, given in parameters.items():
         each = given.tolist() if isinstance(given, np.ndarray) else given
@@ -46,6 +49,24 @@ def values_of(members: int, parameters: Values, kept: Sequence[int] | None = Non
         for own, value in zip(found, each, strict=True):
             own[full_key(key)] = value
     return found
+
+
+def numbers_of(members: int, name: str, given: Any) -> FloatArray:
+    """Number (members,) of each of some members, from one for all or one for each.
+
+    Args:
+        members: number of these members.
+        name: of what is given, in a message.
+        given: number or numbers.
+
+    Raises:
+        ValueError: given are no numbers, or other than one or one for each; one line.
+    """
+    try:
+        return np.broadcast_to(np.asarray(given, dtype=np.float64), (members,))
+    except (TypeError, ValueError):
+        shown = printable(" ".join(str(given).split()))
+        raise ValueError(f"{name}: given {shown}; allowed: one number, or {members}, one for each member") from None
 
 
 def with_values(base: Simulation, source: Source, values: Mapping[str, Any], *, rest: bool) -> Simulation:
