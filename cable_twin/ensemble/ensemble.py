@@ -278,8 +278,7 @@ class Ensemble:
             CommandError: the command is refused for a member, which the message names; no member is commanded then.
         """
         rows = self._rows(members)
-        several = isinstance(command, Sequence) and not isinstance(command, str)
-        each = list(command) if several else [command] * len(rows)
+        each = [command] * len(rows) if isinstance(command, Command | str) else list(command)
         if len(each) != len(rows):
             raise ValueError(f"apply: given {len(each)} commands; allowed: one, or {len(rows)}, one for each member")
         self._apply_each(rows, each)
