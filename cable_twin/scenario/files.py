@@ -93,8 +93,8 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         if not isinstance(data, dict):
             raise ScenarioError(f"{label}: {refuse((), data, 'a mapping with the keys of a scenario').text}")
         if not isinstance(overrides, Mapping):
-            fault = refuse(("overrides",), overrides, "a mapping of dotted keys to values")
-            raise ScenarioError(f"{label}: {fault.text}")
+            fault = refuse((), overrides, "a mapping of dotted keys to values")
+            raise ScenarioError(f"{label}: overrides: {fault.text}")
         written = Written(data)
         data = written.data
         faults += written.faults
