@@ -268,6 +268,20 @@ def test_forked_members_keep_their_own_payload_wind_and_temperature(tramway):
     assert ensemble.observe(["cabin/payload"])["cabin/payload"].tolist() == parameters[payload]
 
 
+def test_forked_members_keep_their_own_payloads_of_carriers_that_have_not_been_in_a_station():
+    ensemble = Ensemble("chairlift", 2, parameters={"carriers.payload.leaving.drive": [100.0, 200.0]}, threads=1)
+    lift = apart("chairlift", {})
+    before = [ensemble.snapshot(member).columns.payload.copy() for member in range(2)]
+    full = lift.capture()
+    boarded = int(np.flatnonzero(full.state.payload == 0.0)[0])
+    full.state.payload[boarded] = 50.0
+    lift.restore(full)
+    ensemble.fork(lift)
+    for member, loads in enumerate(before):
+        loads[boarded] = 50.0
+        assert np.array_equal(ensemble.snapshot(member).columns.payload, loads)
+
+
 def test_a_begun_member_goes_on_from_its_own_scenario():
     own = {"carriages.cabin.payload.mass": 0.0, "air.wind.x": 12.0}
     friction = {"carriages.cabin.friction.rolling": 0.01}

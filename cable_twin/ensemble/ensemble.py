@@ -151,7 +151,8 @@ class Ensemble:
                 changed.append((member, values, made[key]))
                 show()
         for (member, values, (variant, state, motion, settings)), own in zip(changed, wanted, strict=True):
-            before, states.variants[member], self._values[member] = states.variants[member].scenario, variant, values
+            before = states.variants[member].engine.vehicles.first_loads
+            states.variants[member], self._values[member] = variant, values
             if rest:
                 states.arrays.states[member], states.arrays.motions[member] = state, motion
                 states.take([member], settings)
@@ -208,7 +209,7 @@ class Ensemble:
         states.take(alike, settings)
         for member in [member for member in rows if states.variants[member] is not base]:
             keys = self._values[member] if self._sources[member] is self._source else ("air", "carriages")
-            self._go_on_with(member, settings, states.settings[member], base.scenario, keys)
+            self._go_on_with(member, settings, states.settings[member], base.engine.vehicles.first_loads, keys)
         self._revive(rows)
 
     @property
@@ -398,7 +399,7 @@ class Ensemble:
                 show()
 
     def _go_on_with(
-        self, member: int, settings: Settings, parameters: Settings, before: Scenario, keys: Collection[str]
+        self, member: int, settings: Settings, parameters: Settings, before: FloatArray, keys: Collection[str]
     ) -> None:
         """Continue a member's present state with other settings, the parameters of `parameters`, and given keys.
 
@@ -406,7 +407,7 @@ class Ensemble:
             member: number of the member.
             settings: settings, except the parameters.
             parameters: settings with the parameters.
-            before: scenario that the state comes from.
+            before: (vehicles,) kg, payloads at the start that the state comes from.
             keys: keys of the member's scenario whose payloads, wind and temperature replace those of the state.
         """
         states, vehicles = self._states, settings.vehicles._replace(carried=None)

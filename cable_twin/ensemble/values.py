@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_twin.basics.printable import printable
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.scenario import Scenario, full_key, load_scenario
+from cable_twin.scenario import full_key, load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.same_model import OtherModelError
 
@@ -90,25 +90,20 @@ def with_values(base: Simulation, source: Source, values: Mapping[str, Any], *, 
         raise ValueError(_refusal(base, source, values, error)) from None
 
 
-def put_in(simulation: Simulation, keys: Collection[str], before: Scenario) -> None:
+def put_in(simulation: Simulation, keys: Collection[str], before: FloatArray) -> None:
     """Put payloads, wind and temperature of the scenario into the present state, where given keys name them.
 
-    Payloads of carriers, which change in stations, are put in where the state has those of the scenario before.
+    Payloads of carriers, which change in stations, are put in where they are still those of the start.
 
     Args:
         simulation: the simulation.
         keys: dotted keys of its scenario.
-        before: scenario that the state comes from.
+        before: (vehicles,) kg, payloads at the start that the state comes from.
     """
-    scenario, carried, loads = simulation.scenario, simulation.state.payload.tolist(), {}
-    for row, (name, vehicle) in enumerate(scenario.vehicles.items()):
-        if vehicle.payload is None:
-            continue
-        last = before.vehicles[name].payload
-        still = last is not None and carried[row] == last.mass != vehicle.payload.mass
-        if still or _name(keys, f"carriages.{name}.payload.mass"):
-            loads[name] = vehicle.payload.mass
-    simulation.engine.vehicles.put_in(loads)
+    scenario, vehicles = simulation.scenario, simulation.engine.vehicles
+    named = {name for name in scenario.carriages if _name(keys, f"carriages.{name}.payload.mass")}
+    each = zip(scenario.vehicles, simulation.state.payload, before, vehicles.first_loads, strict=True)
+    vehicles.put_in({name: float(own) for name, now, first, own in each if name in named or now == first != own})
     if _name(keys, "air.wind"):
         along, *across, up = scenario.air.wind
         simulation.wind(along, up, *across)

@@ -149,6 +149,7 @@ class Vehicles:
 
     Attributes:
         loading: payloads (kg) that vehicles under loading or unloading will have, by name.
+        first_loads: payloads (vehicles,) in kg at the start.
 
     Args:
         scenario: of all ropes.
@@ -164,8 +165,8 @@ class Vehicles:
         self._rooms = [_rooms(part.scenario) for part in parts]
         self.loading: dict[str, float] = {}
         found = [_first_rope(name, parts) for name in self._rows]
-        self._first_loads = np.array([one.payload.mass if one.payload else 0.0 for _, one in found], dtype=np.float64)
-        self.carry(self._first_loads)
+        self.first_loads = np.array([one.payload.mass if one.payload else 0.0 for _, one in found], dtype=np.float64)
+        self.carry(self.first_loads)
         for row, (part, vehicle) in enumerate(found):
             part.place(row, vehicle)
         self.note_stations()
@@ -186,16 +187,16 @@ class Vehicles:
         }
         found = [(name, _first_rope(name, self._parts)[0]) for name in self._rows]
         loads = [alone[id(part)][name].payload for name, part in found]
-        self._first_loads = np.array([one.mass if one else 0.0 for one in loads], dtype=np.float64)
-        carriages = load_bodies(self._empty, self._payloads, self._first_loads)
+        self.first_loads = np.array([one.mass if one else 0.0 for one in loads], dtype=np.float64)
+        carriages = load_bodies(self._empty, self._payloads, self.first_loads)
         for present, given in zip(self._parts[0].system.carriages, carriages, strict=True):
             if isinstance(present, np.ndarray) and isinstance(given, np.ndarray) and present is not given:
                 present[...] = given
-        self._carried = self._first_loads.copy()
+        self._carried = self.first_loads.copy()
 
     def take_first_loads(self) -> None:
         """Store the initial payloads in the state."""
-        self._state.payload[:] = self._first_loads
+        self._state.payload[:] = self.first_loads
 
     def follow_state(self) -> None:
         """Update stations and parameters after a whole state has been written into memory."""
