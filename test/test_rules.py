@@ -287,6 +287,40 @@ def test_a_stop_that_is_not_over_keeps_no_limit(tmp_path):
     assert states == ["kept", "not decided", "not kept"]
 
 
+@pytest.mark.parametrize(("value", "state"), [(0.1, "not decided"), (0.3, "not kept")])
+def test_swing_at_rest_keeps_no_rule_on_swing_in_service(value, state):
+    profiles = [load_profile(name) for name in ("france_1985", "vorarlberg_persons")]
+    scenario = load_scenario("windy_tramway", {"limits.installation.swing_damper": True})
+    cabin = Subject("carriages.cabin", "cabin")
+    swings = [figure(one, cabin, "highest", value, 0.0) for one in ("swing", "lateral_swing")]
+    found = {one.check: one for one in judge(scenario, swings, profiles, at_rest=True)}
+    checks = "FR85-42", "FR85-54", "ATV1-10", "ATV1-10b"
+    assert [found[one].state for one in checks] == [state] * len(checks)
+    if state == "not decided":
+        reason = "at rest the figure is at most what it is in motion, which the rule compares"
+        assert {found[one].reason for one in checks} == {reason}
+        moving = {one.check: one.state for one in judge(scenario, swings, profiles)}
+        assert [moving[one] for one in checks] == ["kept"] * len(checks)
+
+
+def test_each_shipped_rule_on_motion_says_what_a_line_at_rest_is_to_it():
+    for name in profile_names():
+        for key, check in load_profile(name).document.checks.items():
+            quantity = (check.quantity or "").partition("/")[0]
+            if quantity in ("swing_tangent", "lateral_swing_tangent", "adhesion_used"):
+                assert check.compared_at_rest == "at most", key
+
+
+def test_a_substitute_at_rest_is_a_bound_on_both_sides():
+    scenario = load_scenario("jig_back", {"limits.profile": ["france_1985"]})
+    for factor, moving in ((3.4, "kept"), (3.0, "not decided")):
+        own = figure("rope_safety_factor", Subject("ropes.track_1", "track_1"), "lowest", factor, 0.0)
+        other = figure("rope_safety_factor", Subject("ropes.track_2", "track_2"), "lowest", factor, 0.0)
+        for at_rest, state in ((False, moving), (True, "not decided")):
+            found = {one.check: one for one in judge(scenario, [own, other], at_rest=at_rest)}
+            assert found["FR85-16"].state == state
+
+
 def test_a_rope_without_data_is_not_kept_by_the_others(tmp_path):
     check = {"quantity": "rope_safety_factor/ropes/lowest", "comparison": "at least", "limit": 4.0, "unit": "-"}
     found = [load_profile(profile(tmp_path, **check))]

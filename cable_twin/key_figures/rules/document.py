@@ -69,7 +69,9 @@ class Check(Strict):
     compared: Compared = Field(
         default="equal", description="figure beside what the rule compares: equal, at most that, or at least that"
     )
-    compared_at_rest: Compared | None = Field(default=None, description="the same of a line at rest, where it differs")
+    compared_at_rest: Compared | None = Field(
+        default=None, description="the same of a line at rest, where it differs, also of a substitute"
+    )
     substitute: str | None = Field(default=None, description="figure that is taken where a run does not have the first")
     substitute_compared: Compared = Field(default="equal", description="that figure beside what the rule compares")
     when: dict[str, Any] = Field(default_factory=dict, description="condition by installation")

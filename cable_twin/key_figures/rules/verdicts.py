@@ -200,13 +200,15 @@ class Judge:
         if ALMOST * needed > blows:
             return base.open(f"load case {profile.name}.{case} has a wind of {needed:g} Pa, this run of {blows:.3g} Pa")
         quantity, compared, found = check.quantity or "", check.compared, self._matching(check.quantity or "")
-        if self._at_rest and check.compared_at_rest is not None:
-            compared = check.compared_at_rest
+        at_rest = check.compared_at_rest if self._at_rest else None
         if not found and check.substitute is not None:
             quantity, compared, found = check.substitute, check.substitute_compared, self._matching(check.substitute)
+            bounds = {compared, at_rest or "equal"}
+        else:
+            bounds = {at_rest or compared}
         if not found:
             return base.open(self._why_none(check.quantity or ""))
-        worst = min((self._of_figure(base, quantity, compared, one) for one in found), key=severity)
+        worst = min((self._of_figure(base, quantity, bounds, one) for one in found), key=severity)
         if worst.state == KEPT and (lacking := self._without(quantity, found)):
             name = quantity.partition("/")[0]
             return base.open(f"{' and '.join(lacking)} without figure {name}, which needs {NEEDS[name]}")
@@ -256,7 +258,7 @@ class Judge:
             wanted = driven + [one for one in wanted if one.id.subject not in hauled]
         return [one for one in wanted if self._subjects.has(role, one.id.subject)]
 
-    def _of_figure(self, base: _Base, quantity: str, compared: str, figure: KeyFigure) -> RuleVerdict:
+    def _of_figure(self, base: _Base, quantity: str, bounds: set[str], figure: KeyFigure) -> RuleVerdict:
         check, facts = base.check, self._facts | subject_facts(self._scenario, figure.id.subject)
         if self._at_rest:
             figure = _with_place(figure)
@@ -276,8 +278,8 @@ class Judge:
         base = base.with_limits(limits)
         off = (figure.uncertainty or 0.0) / base.scale
         value = figure.value / base.scale
-        least = -inf if compared == "at least" else value - off
-        most = inf if compared == "at most" or figure.unfinished else value + off
+        least = -inf if "at least" in bounds else value - off
+        most = inf if "at most" in bounds or figure.unfinished else value + off
         kept = {_keeps(check.comparison or "", limits, end, allowance) for end in (least, most)}
         if kept == {True}:
             return base.made(KEPT, check.doubt)
@@ -290,7 +292,10 @@ class Judge:
             return base.open(f"within the uncertainty of {off:.2g} {base.check.unit}")
         if check.allowance is not None:
             return base.open(f"within the allowance of {allowance:.3g} {check.unit}; {check.definition}".rstrip("; "))
-        return base.open(f"the figure is {compared} what the rule compares: {check.definition or check.text}")
+        if self._at_rest and (at_rest := check.compared_at_rest) in bounds:
+            return base.open(f"at rest the figure is {at_rest} what it is in motion, which the rule compares")
+        side = next(one for one in ("at least", "at most") if one in bounds)
+        return base.open(f"the figure is {side} what the rule compares: {check.definition or check.text}")
 
 
 @dataclass(frozen=True, slots=True)
