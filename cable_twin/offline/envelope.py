@@ -21,8 +21,9 @@ from cable_twin.basics.units import counted
 from cable_twin.ensemble import usable_cores
 from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_from_values, values_of
 from cable_twin.key_figures.rules import RuleVerdict, judge, profiles_of
-from cable_twin.key_figures.rules.verdicts import NOT_DECIDED, severity
+from cable_twin.key_figures.rules.verdicts import NOT_DECIDED, severity, with_place
 from cable_twin.offline.envelopes.cases import PLANS, CaseError, LoadCase, case_columns, read_cases
+from cable_twin.offline.envelopes.ranges import ranges_of_plain, united
 from cable_twin.offline.envelopes.runs import CaseResult, Job, neighbours, run_part, run_side_by_side, uncollected
 from cable_twin.offline.envelopes.tensioning import ALLOWED
 from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns, opened
@@ -209,7 +210,8 @@ def _keep(kept: Path, job: Job, result: CaseResult) -> None:
     figures = [{"name": one.name, **values_of(one)} for one in result.figures]
     file = _file(kept, job)
     partial = file.with_suffix(".partial")
-    partial.write_text(json.dumps({"id": result.id, "figures": figures}), encoding="utf-8")
+    data = {"id": result.id, "figures": figures, "ranges": result.ranges.plain()}
+    partial.write_text(json.dumps(data), encoding="utf-8")
     partial.replace(file)
 
 
@@ -218,9 +220,10 @@ def _read(kept: Path, job: Job) -> CaseResult | None:
     try:
         data = json.loads(_file(kept, job).read_text(encoding="utf-8"))
         figures = tuple(figure_from_values(one.pop("name"), one) for one in data["figures"])
+        ranges = ranges_of_plain(data["ranges"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
-    return CaseResult(job.case.id, figures)
+    return CaseResult(job.case.id, figures, ranges=ranges)
 
 
 def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
@@ -241,7 +244,7 @@ def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
 
 
 def in_case(case: str, verdicts: Sequence[RuleVerdict]) -> list[RuleVerdict]:
-    """Copy the rule verdicts of a load case with its id added to the text of the place of their key figures.
+    """Copy the rule verdicts of a load case with its id and the vehicle's place in the text of the place of figures.
 
     Args:
         case: id of the case.
@@ -251,8 +254,9 @@ def in_case(case: str, verdicts: Sequence[RuleVerdict]) -> list[RuleVerdict]:
     def told(one: RuleVerdict) -> RuleVerdict:
         if one.figure is None:
             return one
-        place = ", ".join(filter(None, (f"case {case}", one.figure.place)))
-        return replace(one, figure=replace(one.figure, place=place))
+        figure = with_place(one.figure)
+        place = ", ".join(filter(None, (f"case {case}", figure.place)))
+        return replace(one, figure=replace(figure, place=place))
 
     return [told(one) for one in verdicts]
 
@@ -292,6 +296,8 @@ def _write(
             writer.writerow(columns)
             writer.writerows(rows)
     if options.json is not None:
+        still = [got for one, got in zip(cases, results, strict=True) if not one.moves]
+        at_rest = envelope(still) if len(still) < len(cases) else []
         data = {
             "scenario": cases[0].scenario.name,
             "file": scenario_text(options.source)._asdict(),
@@ -303,6 +309,8 @@ def _write(
                 {**case_columns(one), "fault": got.fault} for one, got in zip(cases, results, strict=True)
             ],
             "envelope": [{"case": case, **figure_columns(one)} for case, one in extremes],
+            "at_rest": [{"case": case, **figure_columns(one)} for case, one in at_rest],
+            "ranges": united(one.ranges for one in results).plain(),
             "rules": [verdict_columns(one) for one in verdicts],
         }  # fmt: skip
         with opened(options.json) as file:

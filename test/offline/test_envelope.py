@@ -16,6 +16,7 @@ from cable_twin.key_figures.rules import RuleVerdict
 from cable_twin.offline import envelope
 from cable_twin.offline.envelopes.cases import CaseError, loading, read_cases
 from cable_twin.offline.envelopes.motion import StopSearch, run_dynamic
+from cable_twin.offline.envelopes.ranges import RangeCollector
 from cable_twin.offline.envelopes.runs import CaseResult, Job, run_case
 from cable_twin.offline.envelopes.search import Search
 from cable_twin.offline.envelopes.tensioning import tensioning
@@ -341,12 +342,12 @@ def test_the_worst_stop_is_at_least_as_bad_as_on_a_grid_ten_times_as_dense(tmp_p
     _, trip, stop = read_cases(file, "aerial_tramway", {})
     dense = stop.dynamic.stop._replace(points=51)
     monkeypatch.setattr(StopSearch, "refine", lambda *_: None)
-    moments = StopSearch(stop.scenario, stop.dynamic, dense).tried
+    moments = StopSearch(stop.scenario, stop.dynamic, dense, RangeCollector(stop.scenario)).tried
     assert len(moments) == 51
     for key in (SWING, TENSION):
         assert found[key]["case"] == "stop"
         assert found[key]["value"] >= max(one[key].value for one in moments.values())
-    begin, _ = run_dynamic(trip.scenario, trip.dynamic._replace(script=(), duration=0.0))
+    begin, _ = run_dynamic(trip.scenario, trip.dynamic._replace(script=(), duration=0.0), RangeCollector(trip.scenario))
     rest = {str(one.id): one.value for one in run_case(Job(read_cases(file, "aerial_tramway", {})[0], 1)).figures}
     same = {str(one.id): one.value for one in begin if str(one.id) in rest}
     assert len(same) > 10

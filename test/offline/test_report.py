@@ -213,9 +213,38 @@ def test_a_study_has_its_ranges_and_indices(tmp_path):
     assert report.main([str(out)]) == 2
 
 
-def test_what_a_case_in_motion_governs_has_no_drawing(cases, tmp_path):
+def test_what_a_case_in_motion_governs_is_drawn_beside_the_extremes_at_rest(tmp_path):
+    """Tensions along the ropes and forces on towers are those of all cases; shapes are of all extremes at rest."""
+    (tmp_path / "run.yaml").write_text("- {time: 0, name: haul_rope, speed: 1.0}\n")
+    run = "{id: run, loading: up_full, dynamic: {script: run.yaml, duration: 1}}"
+    both = "{id: heavy, set: {sheaves.return.counterweight.mass: 36000}}, {id: empty, loading: empty}"
+    (tmp_path / "cases.yaml").write_text(f"cases: [{both}, {run}]")
+    options = ["--cases", tmp_path / "cases.yaml", "--places", 1, "--json", tmp_path / "all.json"]
+    assert envelope.main([*map(str, ("chairlift", *options))]) == 0
+    data = json.loads((tmp_path / "all.json").read_text())
+    governed = {one["id"]: one["case"] for one in data["envelope"]}
+    assert "run" in [case for key, case in governed.items() if re.fullmatch("support_load/towers.*/highest", key)]
+    found = read_envelope(tmp_path / "all.json", lambda count: lambda: None)
+    values = {str(one.id): one.value for one in found.figures}
+    for one in found.towers:
+        assert np.linalg.norm(one.force) == pytest.approx(values[f"support_load/{one.subject}/highest"], rel=1e-9)
+    at_rest = {one["id"]: one["value"] for one in data["at_rest"]}
+    for rope in found.ropes:
+        ends = [values[f"rope_tension/ropes.{rope.name}/{one}"] for one in ("lowest", "highest")]
+        assert [rope.tension.min(), rope.tension.max()] == pytest.approx(ends, rel=1e-9)
+        assert rope.clearance[np.isfinite(rope.clearance)].min() == pytest.approx(
+            at_rest[f"rope_clearance/ropes.{rope.name}/lowest"], abs=0.05
+        )
+    assert report.main([str(tmp_path / "all.json"), "--output", str(tmp_path / "page.html")]) == 0
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Lines and dashes are of cases at rest" in text
+    assert "those in motion included" in text
+
+
+def test_an_envelope_of_an_earlier_version_has_no_forces_in_motion(cases, tmp_path):
     """Line at rest and figures are there; loads of towers without arrows."""
     data = json.loads((cases / "all.json").read_text())
+    del data["at_rest"], data["ranges"]
     for one in data["cases"]:
         one["dynamic"] = True
     (tmp_path / "moving.json").write_text(json.dumps(data))

@@ -261,7 +261,7 @@ class Judge:
     def _of_figure(self, base: _Base, quantity: str, bounds: set[str], figure: KeyFigure) -> RuleVerdict:
         check, facts = base.check, self._facts | subject_facts(self._scenario, figure.id.subject)
         if self._at_rest:
-            figure = _with_place(figure)
+            figure = with_place(figure)
         numbers = {name: value for name, value in facts.items() if isinstance(value, int | float)}
         base = base.with_figure(quantity, figure)
         try:
@@ -404,8 +404,12 @@ def severity(verdict: RuleVerdict) -> tuple[int, float]:
     return STATES.index(verdict.state), _margin(verdict)
 
 
-def _with_place(figure: KeyFigure) -> KeyFigure:
-    """Key figure of a line at rest with the place of its vehicle, which it has for a time, in the text of the place."""
+def with_place(figure: KeyFigure) -> KeyFigure:
+    """Key figure of a load case with the place of its vehicle, which it has for a time, in the text of the place.
+
+    Args:
+        figure: key figure of a line at rest or of a case of an envelope.
+    """
     at = f"vehicle at {figure.time:.2f} m" if figure.time else ""
     return replace(figure, time=0.0, place=", ".join(filter(None, (at, figure.place))))
 

@@ -12,6 +12,7 @@ import numpy as np
 from cable_twin.frame.records import Command
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, KeyFigures
+from cable_twin.offline.envelopes.ranges import RangeCollector
 from cable_twin.offline.envelopes.search import Search
 from cable_twin.offline.script import ScriptedCommand, ScriptError, read_script
 from cable_twin.offline.scripted_run import simulate
@@ -143,7 +144,7 @@ class Course(NamedTuple):
         return float(np.interp(time, self.times, self.places))
 
 
-def run_dynamic(scenario: Scenario, dynamic: Dynamic) -> tuple[list[KeyFigure], str]:
+def run_dynamic(scenario: Scenario, dynamic: Dynamic, ranges: RangeCollector) -> tuple[list[KeyFigure], str]:
     """Key figures of a load case in motion, or of the worst stops within it, and the reason of an early end.
 
     The `time` of a figure has the place (m) of the vehicle, as in a line at rest; its `place` has the time.
@@ -151,15 +152,16 @@ def run_dynamic(scenario: Scenario, dynamic: Dynamic) -> tuple[list[KeyFigure], 
     Args:
         scenario: of the case.
         dynamic: its run.
+        ranges: takes the frames from which the figures are.
 
     Raises:
         EquilibriumError: the case has no equilibrium to begin at.
     """
     if dynamic.stop is not None:
-        search = StopSearch(scenario, dynamic, dynamic.stop)
+        search = StopSearch(scenario, dynamic, dynamic.stop, ranges)
         return search.figures(), search.fault
     simulation, figures, course = Simulation(scenario, on_demand=True), KeyFigures(scenario), Course([], [])
-    fault = _go(simulation, dynamic.script, dynamic.duration, figures, course, lambda _: None)
+    fault = _go(simulation, dynamic.script, dynamic.duration, figures, course, ranges)
     return [_at(one, course, "") for one in figures.figures()], fault
 
 
@@ -169,13 +171,16 @@ def _go(
     duration: float,
     figures: KeyFigures | None,
     course: Course,
-    on_frame: Callable[[float], object],
+    ranges: RangeCollector | None = None,
+    on_frame: Callable[[float], object] = lambda _: None,
 ) -> str:
     """Run the simulation of a load case with a script for a duration (s); returns the reason of an early end."""
 
     def look(time: float) -> None:
         course.times.append(time)
         course.places.append(_place(simulation.snapshot))
+        if ranges is not None:
+            ranges.take(simulation.snapshot)
         on_frame(time)
 
     steps = max(round(FRAME / simulation.step), 1)
@@ -209,13 +214,14 @@ class StopSearch(Search):
         scenario: of the case.
         dynamic: its run.
         stop: range and key figures of the search.
+        ranges: takes the frames after each stop.
 
     Attributes:
         fault: reason of an early end of a run; empty for none.
     """
 
-    def __init__(self, scenario: Scenario, dynamic: Dynamic, stop: Stop) -> None:
-        self._scenario, self._script, self._stop = scenario, dynamic.script, stop
+    def __init__(self, scenario: Scenario, dynamic: Dynamic, stop: Stop, ranges: RangeCollector) -> None:
+        self._scenario, self._script, self._stop, self._ranges = scenario, dynamic.script, stop, ranges
         self._simulation = Simulation(scenario, on_demand=True)
         frame = max(round(FRAME / self._simulation.step), 1) * self._simulation.step
         super().__init__(self._stopped_at, frame, "dynamic.stop")
@@ -228,7 +234,7 @@ class StopSearch(Search):
             if due and time >= due[0] - 0.5 * frame:
                 self._states[due.pop(0)] = self._simulation.capture()
 
-        self.fault = _go(self._simulation, self._script, stop.last + frame, None, self._course, keep)
+        self.fault = _go(self._simulation, self._script, stop.last + frame, None, self._course, on_frame=keep)
         for time in grid:
             self.at(time)
         for figure in stop.figures:
@@ -241,11 +247,11 @@ class StopSearch(Search):
         simulation.restore(self._states[before])
         here, aside = simulation.time, Course([], [])
         if time - here > 0.5 * simulation.step:
-            self.fault = self.fault or _go(simulation, self._script, time - here, None, aside, lambda _: None)
+            self.fault = self.fault or _go(simulation, self._script, time - here, None, aside)
         figures = KeyFigures(self._scenario)
         stopped = ScriptedCommand(simulation.time, Command("emergency_stop", {}), "", "")
         try:
-            self.fault = self.fault or _go(simulation, [stopped], self._stop.settle, figures, aside, lambda _: None)
+            self.fault = self.fault or _go(simulation, [stopped], self._stop.settle, figures, aside, self._ranges)
         except SolverError as error:
             self.fault = self.fault or str(error)
         what = f"stop at {time:.2f} s, {self._course.place(time):.1f} m"

@@ -19,6 +19,7 @@ from cable_twin.key_figures import KeyFigure
 from cable_twin.offline.envelopes.cases import LoadCase
 from cable_twin.offline.envelopes.motion import run_dynamic
 from cable_twin.offline.envelopes.places import line_at, search_places
+from cable_twin.offline.envelopes.ranges import RangeCollector, Ranges
 from cable_twin.offline.envelopes.tensioning import with_stops
 from cable_twin.offline.lines.at_rest import Find, Line, at_place, calculate, from_scratch, plan_line
 from cable_twin.scenario import Scenario
@@ -26,6 +27,7 @@ from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.simulation.rests import Rests
 
 MOST_OF_PART = 10  # cases between two looks at what is finished
+NO_RANGES = Ranges({}, {})
 OFF_MESH = re.compile(r"payload|^carriers\.loaded$|^air\.wind|\.counterweight\.|\.hydraulics\.|^limits\.")
 
 
@@ -39,11 +41,12 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """Key figures of a load case; the `time` of a figure is the place of the vehicle (m)."""
+    """Key figures and ranges of a load case; the `time` of a figure is the place of the vehicle (m)."""
 
     id: str
     figures: tuple[KeyFigure, ...]
     fault: str = ""
+    ranges: Ranges = NO_RANGES
 
 
 class Neighbours(NamedTuple):
@@ -128,19 +131,27 @@ def run_case(job: Job, first: LoadCase | None = None) -> CaseResult:
         job: load case and number of places.
         first: load case on the same mesh, from whose equilibrium the search begins; None for a search from scratch.
     """
+    collector = RangeCollector(job.case.scenario)
     try:
         if job.case.dynamic is not None:
-            figures, fault = run_dynamic(job.case.scenario, job.case.dynamic)
-            return CaseResult(job.case.id, tuple(figures), fault)
+            figures, fault = run_dynamic(job.case.scenario, job.case.dynamic, collector)
+            return CaseResult(job.case.id, tuple(figures), fault, collector.ranges())
         find = _find(job.case, first, job.places, _bases)
+
+        def seen(scenario: Scenario, place: float) -> Simulation:
+            simulation = find(scenario, place)
+            collector.take(simulation.snapshot)
+            return simulation
+
         if job.case.worst_place is not None:
-            search = search_places(job.case.scenario, job.case.worst_place, find)
-            return CaseResult(job.case.id, tuple(search.figures()))
-        line = _line(job.case.scenario, job.places)
-        calculate(line, find=find, rows=False)
+            found = search_places(job.case.scenario, job.case.worst_place, seen).figures()
+        else:
+            line = _line(job.case.scenario, job.places)
+            calculate(line, find=seen, rows=False)
+            found = line.figures
     except (EquilibriumError, ValueError) as error:
         return CaseResult(job.case.id, (), " ".join(str(error).split()))
-    return CaseResult(job.case.id, tuple(line.figures))
+    return CaseResult(job.case.id, tuple(found), ranges=collector.ranges())
 
 
 def rest_again(case: LoadCase, first: LoadCase, places: int, place: float, bases: Bases) -> Simulation:

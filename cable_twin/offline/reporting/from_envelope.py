@@ -15,6 +15,7 @@ from cable_twin.basics.units import counted
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, supports_of
 from cable_twin.offline.envelopes.cases import case_again
+from cable_twin.offline.envelopes.ranges import Ranges, ranges_of_plain
 from cable_twin.offline.envelopes.runs import Bases, first_of_each_mesh, mesh_key, rest_again
 from cable_twin.offline.export import figure_of_columns
 from cable_twin.offline.lines.at_rest import Line, at_place
@@ -27,7 +28,8 @@ from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 LARGEST = 200_000_000  # bytes of a file
 MOST = 60  # states that are found again, those that govern most figures first
-DRAWN = ("rope_tension", "highest"), ("rope_tension", "lowest"), ("sag", "highest"), ("support_load", "highest")
+LOAD = "support_load", "highest"
+DRAWN = LOAD, ("rope_tension", "highest"), ("rope_tension", "lowest"), ("sag", "highest"), ("rope_clearance", "lowest")
 SAME = 1e-6  # share of a load by which a state that is found again may differ
 EXPECTED = "allowed: a file that `envelope --json` has written"
 
@@ -65,6 +67,9 @@ def read_envelope(
         scenario = load_scenario(data["resolved"])
         figures = [figure_of_columns(one) for one in data["envelope"]]
         governing = {one.id: str(row["case"]) for one, row in zip(figures, data["envelope"], strict=True)}
+        rows = data.get("at_rest") or data["envelope"]  # not of earlier versions
+        still = [(str(row["case"]), figure_of_columns(row)) for row in rows]
+        ranges = ranges_of_plain(data.get("ranges") or {"tensions": {}, "forces": {}})  # the same
         names = {str(one.id): one.name for one in figures}
         verdicts = [verdict_of_columns(one, names) for one in data["rules"]]
         cases = [_case(one) for one in data["cases"]]
@@ -80,21 +85,23 @@ def read_envelope(
     scenario, profiles = with_rules(scenario, rules, facts or {})
     if rules is not None or facts:
         try:
-            verdicts = judge_extremes(scenario, figures, governing, cases, profiles)
+            verdicts = judge_extremes(scenario, figures, governing, cases, profiles, still if moving else ())
         except ResultsError as error:
             raise ResultsError(f"{path}: {error}") from None
-    still = [one for one in figures if governing[one.id] not in moving]
-    states = _states(still, governing)
+    states = _states([(case, one) for case, one in still if case not in moving])
     done = on_state(len(states))
     found = _found_again(scenario, data["cases"], states, places, done)
     if not states:  # all is governed by cases in motion
         found[Governing("", 0.0)] = at_place(Line(scenario, "", np.zeros(1)), 0.0).snapshot
-    ropes, towers = _courses(scenario, found), _towers(scenario, figures, governing, found)
+    ropes, towers = _courses(scenario, found, ranges), _towers(scenario, figures, governing, found, ranges)
     lost = sum(bool(one.fault) and not one.moves for one in cases)
     at_rest = counted(len(cases) - len(moving) - lost, "load case")
     told = f"{at_rest} at rest, {counted(places, 'place')} of the vehicle, {len(moving)} in motion"
     told += f", {lost} without a result" if lost else ""
-    governing_states = f"{counted(len(states), 'state')} at rest, governing tensions, sags and tower loads"
+    governing_states = (
+        f"{counted(len(states), 'state')} at rest, which govern tensions, sags, clearances and tower loads"
+    )
+    governing_states += " of the cases at rest" if moving else ""
     drawn = governing_states if states else "line at rest"
     notes = [] if towers is not None else ["states at rest differ from those of the envelope: made by another version?"]
     return Results(
@@ -137,10 +144,10 @@ def _content(path: Path) -> Mapping[str, Any]:
     return data
 
 
-def _states(figures: list[KeyFigure], governing: Mapping[FigureId, str]) -> list[Governing]:
-    """States at rest that govern the drawn key figures of an envelope, those of most figures first."""
-    drawn = [one for one in figures if (one.id.quantity, one.id.statistic) in DRAWN]
-    counts = Counter(Governing(governing[one.id], one.time) for one in drawn)
+def _states(extremes: Sequence[tuple[str, KeyFigure]]) -> list[Governing]:
+    """States at rest that govern the drawn ones of extremes with their cases, those of most figures first."""
+    drawn = [(case, one) for case, one in extremes if (one.id.quantity, one.id.statistic) in DRAWN]
+    counts = Counter(Governing(case, one.time) for case, one in drawn)
     return [state for state, _ in counts.most_common(MOST)]
 
 
@@ -174,8 +181,8 @@ def _found_again(
     return {one: found[one] for one in states}
 
 
-def _courses(scenario: Scenario, found: Mapping[Governing, Snapshot]) -> list[RopeCourse]:
-    """Courses of all ropes over the states at rest: lowest heights, clearances, range of tensions."""
+def _courses(scenario: Scenario, found: Mapping[Governing, Snapshot], ranges: Ranges) -> list[RopeCourse]:
+    """Courses of all ropes: lowest heights and clearances over the states at rest, tensions over all load cases."""
     courses = []
     snapshots = list(found.values())
     for name, part in snapshots[0].layout.ropes.items() if snapshots else ():
@@ -185,8 +192,11 @@ def _courses(scenario: Scenario, found: Mapping[Governing, Snapshot]) -> list[Ro
         lowest, above = np.full(PLACES, np.nan), np.full(PLACES, np.nan)
         for shape in shapes:
             take_heights(scenario, shape, x, lowest, above)
+        arc_lengths = snapshots[0].layout.arc_lengths[part]
         both = np.array([tensions.min(axis=0), tensions.max(axis=0)])
-        courses.append(RopeCourse(name, snapshots[0].layout.arc_lengths[part], shapes[0], x, lowest, above, both))
+        if name in ranges.tensions:
+            both = ranges.tensions[name].along(arc_lengths)
+        courses.append(RopeCourse(name, arc_lengths, shapes[0], x, lowest, above, both))
     return courses
 
 
@@ -195,9 +205,10 @@ def _towers(
     figures: list[KeyFigure],
     governing: Mapping[FigureId, str],
     found: Mapping[Governing, Snapshot],
+    ranges: Ranges,
 ) -> list[TowerLoad] | None:
     """Forces on towers in their governing states; None where a force differs from the load of the envelope."""
-    loads = {one.id.subject: one for one in figures if (one.id.quantity, one.id.statistic) == DRAWN[3]}
+    loads = {one.id.subject: one for one in figures if (one.id.quantity, one.id.statistic) == LOAD}
     towers = []
     for row, subject in enumerate(supports_of(scenario)):
         load = loads.get(subject.key)
@@ -206,7 +217,8 @@ def _towers(
         snapshot = found.get(Governing(governing[load.id], load.time))
         if snapshot is None:  # of a case in motion, or beyond those that are found again
             place = np.array(scenario.tower_places[subject.name])
-            towers.append(TowerLoad(subject.key, subject.name, place, np.full(3, np.nan)))
+            force = ranges.forces.get(subject.key, np.full(3, np.nan))
+            towers.append(TowerLoad(subject.key, subject.name, place, force))
             continue
         forces = -snapshot.columns.support_force
         if abs(float(np.linalg.norm(forces[row])) - load.value) > SAME * load.value:

@@ -144,8 +144,18 @@ TEXTS: Mapping[str, str] = {
         "und lotrecht."
     ),
     "Components are those of the frame with the highest load.": "Komponenten im Augenblick der größten Last.",
-    "Components are those of the governing case with the highest load; of a case in motion there are none.": (
-        "Komponenten im maßgebenden Lastfall; bei einem bewegten gibt es keine."
+    "Components are those of the governing case with the highest load; of a case in motion, at the instant of that "
+    "load.": "Komponenten im maßgebenden Lastfall; bei einem bewegten im Augenblick der größten Last.",
+    "Lines and dashes are of cases at rest, those of their largest sags, least clearances, and extreme tensions and "
+    "tower loads. Points and tables have the cases in motion too.": (
+        "Linien und Striche sind von Lastfällen in Ruhe, denen mit deren größten Durchhängen, kleinsten Abständen "
+        "und größten oder kleinsten Zugkräften und Stützenlasten. Punkte und Tabellen enthalten auch die Lastfälle "
+        "in Bewegung."
+    ),
+    "Lowest and highest tension of all load cases and places of the vehicle at each place of the rope, those in motion "
+    "included.": (
+        "Kleinste und größte Zugkraft aller Lastfälle und Stellungen des Fahrzeugs an jeder Stelle des Seils, auch der "
+        "Lastfälle in Bewegung."
     ),
     "Rules are in the words of this program and not in those of the documents. Whether a document is in force today "
     "was not verified.": (

@@ -8,7 +8,7 @@ from typing import Any
 
 from cable_twin.key_figures import FigureId, KeyFigure
 from cable_twin.key_figures.rules import Profile, RuleVerdict, judge, profiles_of
-from cable_twin.key_figures.rules.verdicts import BROKEN, NOT_DECIDED
+from cable_twin.key_figures.rules.verdicts import BROKEN, NOT_DECIDED, with_place
 from cable_twin.offline.envelope import in_case, worst_verdicts
 from cable_twin.offline.reporting.results import Case, ResultsError
 from cable_twin.scenario import Scenario, load_scenario
@@ -41,6 +41,7 @@ def judge_extremes(
     governing: Mapping[FigureId, str],
     cases: Iterable[Case],
     profiles: Sequence[Profile],
+    at_rest: Sequence[tuple[str, KeyFigure]] = (),
 ) -> list[RuleVerdict]:
     """Rule verdicts on the extremes of load cases: a limit kept by the worst figure is kept in all cases.
 
@@ -50,6 +51,7 @@ def judge_extremes(
         governing: id of the governing load case of each.
         cases: all load cases.
         profiles: rule profiles.
+        at_rest: extremes of the load cases at rest with their cases, where others are in motion.
 
     Raises:
         ResultsError: a load case is that of a rule, so that its figures cannot be told from the others.
@@ -60,9 +62,20 @@ def judge_extremes(
             f"case {own[0]}: given a load case of a rule, whose figures are among the extremes; allowed: profiles that "
             "`envelope` has judged, as with --set 'limits.profile=[NAME]'"
         )
-    moving = any(one.moves for one in cases)
-    told = [replace(one, place=f"case {governing[one.id]}") if one.id in governing else one for one in extremes]
-    return [_bounded(one) for one in judge(scenario, told, profiles, at_rest=not moving)]
+    found = [judge(scenario, _told(extremes, governing), profiles, at_rest=not any(one.moves for one in cases))]
+    if at_rest:
+        still = [one for _, one in at_rest]
+        found.append(judge(scenario, _told(still, {one.id: case for case, one in at_rest}), profiles, at_rest=True))
+    return [_bounded(one) for one in worst_verdicts(found)]
+
+
+def _told(figures: Iterable[KeyFigure], governing: Mapping[FigureId, str]) -> list[KeyFigure]:
+    """Key figures with their load case and the place of the vehicle in the text of their places."""
+    return [
+        replace(here, place=f"case {governing[one.id]}, {here.place}".rstrip(", "))
+        for one in figures
+        for here in (with_place(one),)
+    ]
 
 
 def _bounded(one: RuleVerdict) -> RuleVerdict:

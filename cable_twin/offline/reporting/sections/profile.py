@@ -32,6 +32,7 @@ def line_profile(results: Results, texts: Texts) -> Mapping[str, Any] | None:
     return {
         "profile": _profile(results, sags, texts).svg(),
         "clearance": _clearance(results, clearances, texts).svg() if below else "",
+        "moving": any(one.moves for one in results.cases),
         "sags": [row_of(one, results, texts) for one in sags],
         "clearances": [row_of(one, results, texts) for one in clearances],
     }
