@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from cable_twin.basics.limited_yaml import as_yaml
 from cable_twin.basics.units import counted
-from cable_twin.key_figures import KeyFigures, Subject, figure
+from cable_twin.key_figures import QUANTITIES, KeyFigures, Subject, figure
 from cable_twin.key_figures.rules import RuleError, counts_text, judge, load_profile, profiles_of
 from cable_twin.key_figures.rules.conditions import REVERSIBLE
 from cable_twin.key_figures.rules.derived import derived_figures
 from cable_twin.key_figures.rules.document import counts_of
+from cable_twin.key_figures.rules.subjects import ROLES
 from cable_twin.key_figures.rules.verdicts import sentence
 from cable_twin.offline.rules import markdown, reasons
+from cable_twin.offline.verdict_table import print_verdicts
 from cable_twin.runtime.watches import FigureWatch
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.scenario.checks.limits import profile_names
@@ -266,6 +270,22 @@ def test_the_wind_is_a_figure_and_its_pressure_follows():
     figures.update(Simulation(scenario).snapshot)
     found = {one.id.quantity: one.value for one in derived_figures(scenario, figures.figures())}
     assert found["wind_pressure"] == pytest.approx(0.5 * scenario.air.density * 45.0)
+
+
+def test_quantities_in_general_read_on_and_differ_by_role_where_rules_do(tmp_path, capsys):
+    assert {one.in_general for one in QUANTITIES.values()} >= {"clearance between vehicles, least", "rope tension"}
+    assert not [one.in_general for one in QUANTITIES.values() if re.search(r"  | ,|''", one.in_general)]
+    scenario = load_scenario("gondola")
+    factor = {"unit": "-", "comparison": "at least", "limit": 5.0}
+    load_profile.cache_clear()
+    found = [
+        load_profile(profile(tmp_path, role, quantity=f"rope_safety_factor/{role}/lowest", **factor))
+        for role in ("moving_ropes", "carrying_hauling_ropes")
+    ]
+    print_verdicts(Console(width=200), found, judge(scenario, [], found))
+    told = " ".join(capsys.readouterr().out.split())
+    for role in ("moving_ropes", "carrying_hauling_ropes"):
+        assert f"only {role} has a rule on rope safety factor, {ROLES[role]} (A-1)" in told
 
 
 def test_counts_of_states_have_the_grammar_of_one_and_of_several():

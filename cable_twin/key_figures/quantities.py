@@ -11,6 +11,8 @@ TRACK_ROPE_SAFETY_FACTOR, HAUL_ROPE_SAFETY_FACTOR = 3.15, 4.5  # -
 TENSION_PER_TRANSVERSE_LOAD = 10.0  # -, of carriages that roll on a rope
 # keys whose usual limit depends on the rope or the vehicle; null in a scenario is the usual limit, 0 no limit
 BY_KIND = ("rope_safety_factor", "tension_per_transverse_load")
+# words for the detail in names that do not read on without one
+ANY = {"vehicle_separation": "vehicles", "clamp_force": "a", "strand_tension": "a rope"}
 
 
 class Quantity(NamedTuple):
@@ -31,6 +33,11 @@ class Quantity(NamedTuple):
     unit: str
     statistics: tuple[str, ...]
     limit: str = ""
+
+    @property
+    def in_general(self) -> str:
+        """Printed name for figures of any detail."""
+        return self.name.format(ANY.get(self.quantity, ""))
 
     @property
     def limit_row(self) -> LimitRow | None:

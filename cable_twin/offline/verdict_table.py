@@ -23,7 +23,7 @@ from cable_twin.key_figures.rules import (
     counts_text,
     differences,
 )
-from cable_twin.key_figures.rules.comparison import topic_of
+from cable_twin.key_figures.rules.comparison import roles_of, topic_of
 from cable_twin.key_figures.rules.document import UNITS, counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
 from cable_twin.key_figures.rules.verdicts import (
@@ -68,7 +68,7 @@ def print_verdicts(
 
 def _demand(one: Asked) -> str:
     """Text of the demand of a rule check: quantity, limit, profile, check, clause."""
-    name = QUANTITIES[one.quantity.partition("/")[0]].name.format("").strip(" ,")
+    name = QUANTITIES[one.quantity.partition("/")[0]].in_general
     why = f" ({one.why})" if one.why else ""
     case = f" in {one.load_case}" if one.load_case else ""
     return f"{name} {one.said}{why} of {one.profile} {one.check}, {one.clause}{case}"
@@ -115,12 +115,14 @@ def _print_differences(console: Console, profiles: Sequence[Profile], verdicts: 
     names = [profile.name for profile in profiles]
     table = Table("where the profiles differ", *names, box=box.SIMPLE_HEAD, pad_edge=False)
     alone: dict[str, list[str]] = {}
+    roles = roles_of(verdicts)
     for group in differences(verdicts, names):
         quantity, role = topic_of(group[0].quantity)
-        what, having = QUANTITIES[quantity].name.format("").strip(" ,"), {one.profile for one in group}
-        if len(having) == 1:
+        what = QUANTITIES[quantity].in_general
+        if len({one.profile for one in group}) == 1:
             rules = ", ".join(one.check for one in group)
-            alone.setdefault(group[0].profile, []).append(f"{what} ({rules})")
+            of = f", {ROLES[role]}" if len(roles[quantity]) > 1 else ""
+            alone.setdefault(group[0].profile, []).append(f"{what}{of} ({rules})")
             continue
         cells = ["\n".join(_cell(one) for one in group if one.profile == name) or "no rule" for name in names]
         table.add_row(f"{what}\n  [dim]{ROLES[role]}[/]", *cells)
@@ -178,7 +180,7 @@ def verdict_of_columns(columns: Mapping[str, Any], names: Mapping[str, str]) -> 
     if columns["figure"] is not None:
         id_, value = FigureId.of_text(columns["figure"]), scale * float(columns["value"])
         row = QUANTITIES[id_.quantity]
-        name, place = names.get(columns["figure"], row.name.format("")), str(columns["place"] or "")
+        name, place = names.get(columns["figure"], row.in_general), str(columns["place"] or "")
         figure = KeyFigure(id_, name, value, row.unit, float(columns["time [s]"] or 0.0), place)
     limits = tuple(map(float, columns["limits"]))
     same = ("profile", "check", "document", "edition", "clause", "text", "reason", "quantity", "comparison", "unit")

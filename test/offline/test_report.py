@@ -32,6 +32,7 @@ from cable_twin.offline.reporting.sections import SECTIONS
 from cable_twin.offline.reporting.sections.assumptions import grouped
 from cable_twin.offline.reporting.sections.figures import limits_summary
 from cable_twin.offline.reporting.sections.profile import line_profile
+from cable_twin.offline.reporting.sections.section import with_units_kept
 from cable_twin.offline.reporting.sections.tower_loads import tower_loads
 from cable_twin.offline.reporting.texts import Texts
 from cable_twin.scenario import load_scenario
@@ -200,7 +201,9 @@ def test_a_study_has_its_ranges_and_indices(tmp_path):
     with (out / "results.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     figures = [(id_, float(value)) for kind, id_, value, _ in DATA.findall(text) if kind == "figure"]
-    assert len(figures) > 10
+    ends = {id_ for id_, _ in figures}
+    assert len(ends) > 10
+    assert "Kennwerte</h2>" not in text  # a second time, without what a study does not have
     for id_, value in figures:
         assert value == (min if id_.endswith("/lowest") else max)(float(row[id_]) for row in rows), id_
     with (out / "indices.csv").open(newline="") as file:
@@ -347,6 +350,29 @@ def test_without_a_printer_the_extra_is_named(run, monkeypatch, refusal):
     monkeypatch.setattr("shutil.which", lambda name: None)
     line = refusal(report.main, run, "--pdf", "page.pdf")
     assert "--pdf: WeasyPrint is not installed, and there is no Chromium" in line
+
+
+def test_german_places_have_the_direction_of_the_wind_and_no_english_at():
+    german = Texts("de")
+    assert german.phrase("cabin_2, x 5.3 m, wind 12.0 m/s to 90 deg") == "cabin_2, x 5.3 m, Wind 12.0 m/s nach 90 deg"
+    assert german.phrase("at 45.32 s") == "bei 45.32 s"
+    assert german.quantity("vehicle_separation") == "Abstand zwischen Fahrzeugen, kleinster"
+    assert not german.missing
+
+
+def test_a_unit_is_not_alone_on_a_line():
+    assert with_units_kept("arc length 1042.2 m, x -5.3 m, 20 %").split(" ") == [
+        *("arc", "length", "1042.2\u00a0m,", "x\u00a0-5.3\u00a0m,", "20\u00a0%")
+    ]
+
+
+def test_tables_have_columns_of_limits_where_there_are_limits(page):
+    text = page.read_text(encoding="utf-8")
+    sags, clearances = (
+        text.partition(f"<h3>{name}</h3>")[2].partition("</thead>")[0] for name in ("Sags", "Clearances")
+    )
+    assert 'class="limit"' not in sags
+    assert 'class="limit"' in clearances
 
 
 def test_inputs_have_the_remarks_of_their_file():

@@ -128,6 +128,20 @@ def topic_of(quantity: str) -> tuple[str, str]:
     return TOPICS.get(name, name), role
 
 
+def roles_of(verdicts: Iterable[RuleVerdict]) -> dict[str, set[str]]:
+    """Roles of each quantity in the rules of a run, by quantity.
+
+    Args:
+        verdicts: of all profiles.
+    """
+    found: dict[str, set[str]] = {}
+    for one in verdicts:
+        if one.state != OUTSIDE:
+            quantity, role = topic_of(one.quantity)
+            found.setdefault(quantity, set()).add(role)
+    return found
+
+
 def differences(verdicts: Sequence[RuleVerdict], profiles: Sequence[str]) -> Iterator[list[RuleVerdict]]:
     """Groups of rule verdicts on one quantity in which profiles differ in limit or verdict, or one gives no verdict.
 

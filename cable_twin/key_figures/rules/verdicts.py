@@ -13,7 +13,7 @@ from cable_twin.basics.units import rounded
 from cable_twin.key_figures.figure import TOLERANCE, KeyFigure
 from cable_twin.key_figures.rules.conditions import NUMBERS, facts_of, holds, subject_facts, system_of
 from cable_twin.key_figures.rules.derived import derived_figures
-from cable_twin.key_figures.rules.document import UNITS, Check, Profile, profiles_of
+from cable_twin.key_figures.rules.document import UNITS, Check, Compared, Profile, profiles_of
 from cable_twin.key_figures.rules.expressions import FormulaError, MissingError, value_of
 from cable_twin.key_figures.rules.subjects import Subjects
 from cable_twin.scenario import Scenario
@@ -258,7 +258,7 @@ class Judge:
             wanted = driven + [one for one in wanted if one.id.subject not in hauled]
         return [one for one in wanted if self._subjects.has(role, one.id.subject)]
 
-    def _of_figure(self, base: _Base, quantity: str, bounds: set[str], figure: KeyFigure) -> RuleVerdict:
+    def _of_figure(self, base: _Base, quantity: str, bounds: set[Compared], figure: KeyFigure) -> RuleVerdict:
         check, facts = base.check, self._facts | subject_facts(self._scenario, figure.id.subject)
         if self._at_rest:
             figure = with_place(figure)

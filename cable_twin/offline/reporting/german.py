@@ -126,6 +126,9 @@ TEXTS: Mapping[str, str] = {
     "end": "Ende",
     "its": "ihrer",
     "the": "der",
+    "vehicles": "Fahrzeugen",
+    "a": "einer",
+    "a rope": "ein Seil",
     # sentences
     "Numbers at the bottom are the largest sags of the spans in m. Heights and lengths have different scales.": (
         "Die Zahlen unten sind die größten Durchhänge der Seilfelder in m. Höhen und Längen haben verschiedene "
@@ -407,6 +410,10 @@ PHRASES: Mapping[str, str] = {
         "über 1 rutscht das Seil; ab 1 mm nennt `Schlupf des Seils` den Weg"
     ),
     "friction ": "Reibung ",
+    " wind ": " Wind ",
+    " m/s to ": " m/s nach ",  # direction of the wind
+    " upwards": " aufwärts",
+    " downwards": " abwärts",
     " times wrap ": " mal Umschlingung ",
     "assumed: ": "angenommen: ",
     "scenario: ": "Szenario: ",

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 
 from cable_twin.key_figures import QUANTITIES, KeyFigure
+from cable_twin.key_figures.quantities import ANY
 from cable_twin.offline.reporting import german
 
 LANGUAGES: Mapping[str, Mapping[str, str]] = {"en": {}, "de": german.TEXTS}
@@ -56,16 +57,17 @@ class Texts:
 
     def quantity(self, quantity: str) -> str:
         """Name of a quantity of key figures in the language of the report, without detail."""
-        name = (
-            QUANTITIES[quantity].name if self.language == "en" else self._names.get(quantity, QUANTITIES[quantity].name)
-        )
-        return name.format("").strip(" ,")
+        row = QUANTITIES[quantity]
+        if self.language == "en" or quantity not in self._names:
+            return row.in_general
+        return self._names[quantity].format(self(ANY.get(quantity, "")))
 
     def phrase(self, text: str) -> str:
         """Translate known phrases in the place, source or way of sampling of a key figure."""
+        text = f" {text}"  # of which each phrase may be the first one
         for english, own in self._phrases.items():
             text = text.replace(english, own)
-        return text
+        return text[1:]
 
     def limit(self, text: str) -> str:
         """Translate the comparison in the text of a limit, such as `at most 2.5 m/s`."""

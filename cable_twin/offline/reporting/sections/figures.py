@@ -12,7 +12,12 @@ from cable_twin.offline.reporting.texts import Texts
 
 
 def key_figure_table(results: Results, texts: Texts) -> Mapping[str, Any] | None:
-    """Data of the section Key figures: rows of the table, notes, sources of limits; None without key figures."""
+    """Data of the section Key figures: rows of the table, notes, sources of limits; None without key figures.
+
+    None for a study, too, whose ranges have them all.
+    """
+    if results.ranges:
+        return None
     rows = [row_of(one, results, texts) for one in results.figures]
     notes = list(dict.fromkeys(row.note for row in rows if row.note))
     sources = list(dict.fromkeys(row.source for row in rows if row.source))

@@ -15,11 +15,12 @@ from cable_twin.key_figures.rules import (
     counts_text,
     differences,
 )
-from cable_twin.key_figures.rules.comparison import topic_of
+from cable_twin.key_figures.rules.comparison import roles_of, topic_of
 from cable_twin.key_figures.rules.document import counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
 from cable_twin.key_figures.rules.verdicts import NOT_DECIDED, OUTSIDE, limit_text, value_text
 from cable_twin.offline.reporting.results import Results
+from cable_twin.offline.reporting.sections.section import with_units_kept
 from cable_twin.offline.reporting.texts import Texts
 
 
@@ -72,7 +73,8 @@ def rules(results: Results, texts: Texts) -> Mapping[str, Any] | None:
         "alone": alone,
         "clashes": [(*pair, texts.quantity(pair[0].quantity.partition("/")[0])) for pair in clashes(asked)],
         "value_text": value_text,
-        "limit_text": lambda one: texts.limit(limit_text(one)),
+        "limit_text": lambda one: with_units_kept(texts.limit(limit_text(one))),
+        "place_text": lambda one: with_units_kept(texts.phrase(one.figure.place)),
     }
 
 
@@ -107,7 +109,7 @@ def _differences(
     """Rows of quantities on which rule profiles differ, and quantities with a rule of one profile alone."""
     rows: list[Difference] = []
     alone: dict[str, list[str]] = {}
-    demands: dict[tuple[str, str], list[Asked]] = {}
+    roles, demands = roles_of(verdicts), dict[tuple[str, str], list[Asked]]()
     for one in asked:
         demands.setdefault((one.profile, one.check), []).append(one)
     for group in differences(verdicts, names):
@@ -115,7 +117,8 @@ def _differences(
         name = texts.quantity(quantity)
         if len({one.profile for one in group}) == 1:
             rules = ", ".join(one.check for one in group)
-            alone.setdefault(group[0].profile, []).append(f"{name} ({rules})")
+            of = f", {ROLES[role]}" if len(roles[quantity]) > 1 else ""
+            alone.setdefault(group[0].profile, []).append(f"{name}{of} ({rules})")
             continue
         cells = [[_cell(one, name, demands, texts) for one in group if one.profile == profile] for profile in names]
         rows.append(Difference(name, ROLES[role], cells))

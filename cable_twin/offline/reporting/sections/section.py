@@ -67,7 +67,7 @@ def row_of(figure: KeyFigure, results: Results, texts: Texts) -> Row:
     limit = ""
     if figure.limit is not None:
         most = rounded(figure.limit * scale, digits_of(figure, scale))
-        limit = f"{texts(figure.bound)} {most}{'' if unit == '-' else f' {unit}'}"
+        limit = with_units_kept(f"{texts(figure.bound)} {most}{'' if unit == '-' else f' {unit}'}")
     word, unit_at = results.at
     when = ""
     if not isnan(figure.time):
@@ -79,11 +79,16 @@ def row_of(figure: KeyFigure, results: Results, texts: Texts) -> Row:
         texts.phrase(figure.source),
         texts(figure.verdict),
         figure.verdict,
-        when,
-        texts.phrase(figure.place),
+        with_units_kept(when),
+        with_units_kept(texts.phrase(figure.place)),
         results.governing.get(figure.id, ""),
         texts.phrase(figure.band),
     )
+
+
+def with_units_kept(text: str) -> str:
+    """Text whose lines do not break between a number and its unit, nor between x and its number."""
+    return re.sub(r"(?<=\d) (?=[^\W\d]|%)|(?<=\bx) (?=-?\d)", "\u00a0", text)
 
 
 def by_id(results: Results) -> dict[FigureId, KeyFigure]:

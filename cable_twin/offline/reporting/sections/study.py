@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from cable_twin.basics.units import shown_unit
 from cable_twin.offline.figure_table import shown
 from cable_twin.offline.reporting.results import Results, StudyRange
+from cable_twin.offline.reporting.sections.section import Cell
 from cable_twin.offline.reporting.texts import Texts
 
 
@@ -15,11 +16,10 @@ class RangeRow(NamedTuple):
     """Row of the table of ranges of a study: range of a key figure in a readable unit, and its extreme cases."""
 
     name: str
-    low: str
+    low: Cell
     low_case: str
-    high: str
+    high: Cell
     high_case: str
-    unit: str
     having: int
 
 
@@ -37,6 +37,9 @@ def study(results: Results, texts: Texts) -> Mapping[str, Any] | None:
 
 def _row(one: StudyRange, texts: Texts) -> RangeRow:
     unit, scale = shown_unit(one.extreme.unit, max(abs(one.low[0]), abs(one.high[0])))
-    low, high = (shown(value, scale) for value in (one.low[0], one.high[0]))
     unit = "" if unit == "-" else unit
-    return RangeRow(texts.figure(one.extreme), low, one.low[1], high, one.high[1], unit, one.having)
+    low, high = (
+        Cell(shown(value, scale), unit, value, str(one.extreme.id) if value == one.extreme.value else "")
+        for value, _ in (one.low, one.high)
+    )
+    return RangeRow(texts.figure(one.extreme), low, one.low[1], high, one.high[1], one.having)

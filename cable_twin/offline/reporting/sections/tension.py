@@ -18,7 +18,12 @@ QUANTITIES = "rope_tension", "rope_safety_factor", "dynamic_amplification"
 
 
 def tension_diagram(results: Results, texts: Texts) -> Mapping[str, Any] | None:
-    """Data of the section Rope tension: tension chart of each rope, table of tensions; None without tensions."""
+    """Data of the section Rope tension: tension chart of each rope, table of tensions; None without tensions.
+
+    None for a study, too, whose ranges have them.
+    """
+    if results.ranges:
+        return None
     rows = [row_of(one, results, texts) for one in results.figures if one.id.quantity in QUANTITIES]
     if not rows:
         return None
