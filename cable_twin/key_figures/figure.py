@@ -149,6 +149,18 @@ def figure(
     return KeyFigure(FigureId(quantity, subject.key, statistic), name, value, row.unit, time, place)
 
 
+def as_statistic(one: KeyFigure, statistic: str) -> KeyFigure:
+    """Copy of a key figure as another statistic of its quantity, in id and name.
+
+    Args:
+        one: key figure of a quantity with several statistics, and without a detail in its name.
+        statistic: highest, lowest, mean or standard deviation.
+    """
+    subject = Subject(one.id.subject, one.name.rpartition(": ")[0])
+    other = figure(one.id.quantity, subject, statistic, one.value, one.time)
+    return replace(one, id=other.id, name=other.name)
+
+
 class NotJudged(NamedTuple):
     """Limit that judges no key figure of a run: its key in `limits`, and the scenario key that is missing for it."""
 

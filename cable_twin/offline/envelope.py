@@ -20,6 +20,8 @@ from rich.console import Console
 from cable_twin.basics.units import counted
 from cable_twin.ensemble import usable_cores
 from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_from_values, values_of
+from cable_twin.key_figures.figure import as_statistic
+from cable_twin.key_figures.quantities import BOTH
 from cable_twin.key_figures.rules import RuleVerdict, judge, profiles_of
 from cable_twin.key_figures.rules.verdicts import NOT_DECIDED, severity, with_place
 from cable_twin.offline.envelopes.cases import PLANS, CaseError, LoadCase, case_columns, read_cases
@@ -229,13 +231,18 @@ def _read(kept: Path, job: Job) -> CaseResult | None:
 def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
     """Extreme of each key figure over load cases, with the id of the governing case (the first, if several tie).
 
+    The mean deceleration of a single stop in a case is its highest and its lowest one.
+
     Args:
         results: results of all cases.
     """
     found: dict[FigureId, tuple[str, KeyFigure]] = {}
     for result in results:
-        for one in result.figures:
-            if one.id.statistic not in ("highest", "lowest"):
+        had = {one.id for one in result.figures}
+        single = (one for one in result.figures if one.id.quantity == "mean_deceleration")
+        both = [as_statistic(one, statistic) for one in single for statistic in BOTH]
+        for one in (*result.figures, *(one for one in both if one.id not in had)):
+            if one.id.statistic not in BOTH:
                 continue
             sense = 1.0 if one.id.statistic == "highest" else -1.0
             if one.id not in found or sense * one.value > sense * found[one.id][1].value:

@@ -406,6 +406,21 @@ def test_adhesion_and_travel_are_those_of_capstan_and_counterweight(calculated, 
     assert "counterweight.travel: given -0.01 to 0.01 m, but it rests at" in run_case(Job(case, 1)).fault
 
 
+def test_mean_decelerations_of_stops_are_among_the_extremes():
+    drive = Subject("drives.haul_rope", "haul_rope")
+
+    def stop(case, *values):
+        return CaseResult(case, tuple(figure("mean_deceleration", drive, *one, 0.0) for one in values))
+
+    hard, soft = stop("hard", ("mean", 1.4)), stop("soft", ("mean", 0.7), ("highest", 0.9), ("lowest", 0.6))
+    found = {str(one.id): (case, one.value, one.name) for case, one in envelope.envelope([hard, soft])}
+    name = "haul_rope: mean deceleration of the stop"
+    assert found == {
+        "mean_deceleration/drives.haul_rope/highest": ("hard", 1.4, f"{name}, highest"),
+        "mean_deceleration/drives.haul_rope/lowest": ("soft", 0.6, f"{name}, lowest"),
+    }
+
+
 def test_the_picture_says_how_many_cases_move_and_its_axis_begins_at_zero(tmp_path, monkeypatch):
     plots = pytest.importorskip("matplotlib.pyplot")
     plot = importlib.import_module("cable_twin.offline.envelopes.plot")
