@@ -288,6 +288,30 @@ def test_quantities_in_general_read_on_and_differ_by_role_where_rules_do(tmp_pat
         assert f"only {role} has a rule on rope safety factor, {ROLES[role]} (A-1)" in told
 
 
+def test_derived_figures_have_the_uncertainty_of_all_that_they_follow_from():
+    """First-order propagation, here against differences."""
+    scenario = load_scenario("windy_tramway")
+    cabin, rope, tower = Subject("carriages.cabin", "cabin"), Subject("ropes.cable"), Subject("towers.tower", "tower")
+
+    def derived(times=1.0, uncertainty=True):
+        """Figures of the run, each as much farther as its uncertainty allows, where that makes the derived one more."""
+        given = [
+            figure("swing", cabin, "highest", 0.3 * times, 0.0),
+            figure("wind", Subject("air"), "highest", 15.0 * times, 0.0),
+            figure("support_load", tower, "lowest", 1e5 * times, 0.0),
+            figure("support_load", tower, "highest", 3e5 / times, 0.0),
+            figure("rope_tension", rope, "lowest", 1e6 * times, 0.0),
+            figure("contact_force", cabin, "highest", 5e4 / times, 0.0),
+        ]
+        figures = [replace(one, uncertainty=1e-4 * one.value if uncertainty else None) for one in given]
+        return {one.id.quantity: one for one in derived_figures(scenario, figures)}
+
+    found, more = derived(), derived(1.0 + 1e-4)
+    for quantity in ("swing_tangent", "wind_pressure", "load_ratio", "tension_over_load"):
+        assert found[quantity].uncertainty == pytest.approx(more[quantity].value - found[quantity].value, rel=1e-3)
+    assert derived(uncertainty=False)["wind_pressure"].uncertainty is None
+
+
 def test_counts_of_states_have_the_grammar_of_one_and_of_several():
     states = ["does not apply", "kept", "does not apply", "can be decided"]
     assert counts_text(states) == "1 kept, 2 do not apply, 1 can be decided"

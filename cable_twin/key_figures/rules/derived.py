@@ -45,13 +45,28 @@ def derived_figures(
     ]
 
 
-def _of(source: KeyFigure, quantity: str, statistic: str, value: float, subject: Subject | None = None) -> KeyFigure:
-    """Key figure derived from another one, with the time, place and relative uncertainty of that figure."""
+def _of(
+    source: KeyFigure,
+    quantity: str,
+    statistic: str,
+    value: float,
+    subject: Subject | None = None,
+    *,
+    power: float = 1.0,
+    other: KeyFigure | None = None,
+) -> KeyFigure:
+    """Key figure derived from another one, with the time and place of that figure.
+
+    Its relative uncertainty is that of the source times `power`, by which it follows from the source, and that of the
+    `other` figure, to which it is proportional or inverse.
+    """
     name = source.name.partition(": ")[0] if ": " in source.name else ""
     one = figure(quantity, subject or Subject(source.id.subject, name), statistic, value, source.time, source.place)
-    if source.uncertainty is None or source.value == 0.0:
-        return replace(one, band=source.band)
-    return replace(one, band=source.band, uncertainty=abs(source.uncertainty * value / source.value))
+    parts = [(source, power), *([(other, 1.0)] if other is not None else [])]
+    known = [
+        by * abs(each.uncertainty / each.value) for each, by in parts if each.uncertainty is not None and each.value
+    ]
+    return replace(one, band=source.band, uncertainty=sum(known) * abs(value) if known else None)
 
 
 def _setting(quantity: str, subject: Subject, statistic: str, value: float) -> KeyFigure:
@@ -86,9 +101,9 @@ def _of_tower(scenario: Scenario, name: str, subjects: Subjects, found: Found) -
     low, high = (found("support_load", subject.key, which) for which in ("lowest", "highest"))
     most = found("rope_tension", key, "highest")
     if low is not None and high is not None and high.value > 0.0:
-        yield _of(low, "load_ratio", "lowest", low.value / high.value)
+        yield _of(low, "load_ratio", "lowest", low.value / high.value, other=high)
     if low is not None and most is not None and most.value > 0.0:
-        yield _of(low, "rope_deflection", "lowest", low.value / most.value)
+        yield _of(low, "rope_deflection", "lowest", low.value / most.value, other=most)
     if high is not None and tower.kind == "sheaves" and cable.metal_area:
         pressure = high.value / tower.contacts / cable.metal_area
         yield _of(high, "roller_pressure", "highest", pressure)
@@ -98,7 +113,7 @@ def _of_tower(scenario: Scenario, name: str, subjects: Subjects, found: Found) -
         if tower.radius and cable.diameter:
             yield _setting("radius_ratio", subject, "lowest", tower.radius / cable.diameter)
         if tower.radius and (speed := _speed(scenario, subjects, found)) is not None:
-            yield _of(speed, "saddle_acceleration", "highest", speed.value**2 / tower.radius, subject)
+            yield _of(speed, "saddle_acceleration", "highest", speed.value**2 / tower.radius, subject, power=2.0)
 
 
 def _of_bullwheel(scenario: Scenario, name: str) -> Iterator[KeyFigure]:
@@ -130,7 +145,9 @@ def _of_vehicles(scenario: Scenario, subjects: Subjects, found: Found) -> Iterat
         for quantity, own in (("swing", "swing_tangent"), ("lateral_swing", "lateral_swing_tangent")):
             angle = found(quantity, subject.key, "highest")
             if angle is not None and angle.value < 0.5 * pi:
-                yield _of(angle, own, "highest", tan(angle.value))
+                tangent = tan(angle.value)
+                by = angle.value * (1.0 + tangent**2) / tangent if tangent else 1.0
+                yield _of(angle, own, "highest", tangent, power=by)
         carriage = scenario.carriages.get(subject.name)
         rope = scenario.rope_of(carriage) if carriage is not None else None
         ropes = [rope] if rope else list(scenario.carriers.tracks.values()) if scenario.carriers else []
@@ -158,14 +175,14 @@ def _of_vehicles(scenario: Scenario, subjects: Subjects, found: Found) -> Iterat
 def _of_wheels(scenario: Scenario, subject: Subject, ropes: list[str], found: Found) -> Iterator[KeyFigure]:
     """Key figures of the transverse load on track ropes: tension over load, wheel load over tension, wheel pressure."""
     force, wheels = found("contact_force", subject.key, "highest"), scenario.limits.installation.wheels
-    tensions = [one.value for rope in ropes if (one := found("rope_tension", f"ropes.{rope}", "lowest")) is not None]
+    tensions = [one for rope in ropes if (one := found("rope_tension", f"ropes.{rope}", "lowest")) is not None]
     if force is None or force.value <= 0.0 or not ropes:
         return
-    least = min(tensions, default=0.0)
-    if least > 0.0:
-        yield _of(force, "tension_over_load", "lowest", least / force.value)
+    least = min(tensions, key=lambda one: one.value, default=None)
+    if least is not None and least.value > 0.0:
+        yield _of(force, "tension_over_load", "lowest", least.value / force.value, other=least)
         if wheels:
-            yield _of(force, "wheel_load_ratio", "highest", force.value / wheels / least)
+            yield _of(force, "wheel_load_ratio", "highest", force.value / wheels / least.value, other=least)
     areas = [area for rope in ropes if (area := scenario.cables[rope].metal_area)]
     if wheels and areas:
         yield _of(force, "wheel_pressure", "highest", force.value / wheels / min(areas))
@@ -198,7 +215,7 @@ def _of_line(scenario: Scenario, subjects: Subjects, found: Found) -> Iterator[K
         yield _of(least, "moving_clearance", "lowest", least.value, line)
     if (wind := found("wind", "air", "highest")) is not None:
         pressure = 0.5 * scenario.air.density * wind.value**2
-        yield _of(wind, "wind_pressure", "highest", pressure, line)
+        yield _of(wind, "wind_pressure", "highest", pressure, line, power=2.0)
     speed = _speed(scenario, subjects, found)
     if scenario.carriers is not None and speed is not None and speed.value > 0.0:
         carriers = Subject("carriers", scenario.carriers.name)
