@@ -254,6 +254,7 @@ def test_an_envelope_of_an_earlier_version_has_no_forces_in_motion(cases, tmp_pa
     found = read_envelope(tmp_path / "moving.json", lambda count: lambda: None)
     assert (found.kind, len(found.ropes), len(found.towers)) == ("load cases at rest and in motion", 2, 12)
     assert np.isnan([one.force for one in found.towers]).all()
+    assert dict(found.sources)["drawn"].endswith("tensions along ropes of these alone, as in files of earlier versions")
     assert report.main([str(tmp_path / "moving.json"), "--output", str(tmp_path / "page.html")]) == 0
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "nan" not in text.partition("<svg")[2]

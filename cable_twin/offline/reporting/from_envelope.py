@@ -103,6 +103,7 @@ def read_envelope(
     )
     governing_states += " of the cases at rest" if moving else ""
     drawn = governing_states if states else "line at rest"
+    drawn += "" if "ranges" in data else "; tensions along ropes of these alone, as in files of earlier versions"
     notes = [] if towers is not None else ["states at rest differ from those of the envelope: made by another version?"]
     return Results(
         scenario.name,
