@@ -17,7 +17,7 @@ from cable_twin.messages import SECOND, Topic
 from cable_twin.messages.command_messages import command_from_message
 from cable_twin.messages.sensor_messages import PLANT, JointState, measurements_from_message, plant_topics
 from cable_twin.ros.endpoints import message_class
-from cable_twin.runtime.following import COMMANDS, LiveFollowing, Pursuit, unfollowable
+from cable_twin.runtime.following import COMMANDS, EmergencyStops, LiveFollowing, Pursuit, unfollowable
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.scenario import Scenario, ScenarioError, command_limits, load_scenario
 from cable_twin.simulation import Simulation
@@ -73,7 +73,10 @@ class PlantSubscriber:
         self._stamp_ns, self._record = stamp_ns, record
         self._sensors = scenario.sensors
         spacing = {} if scenario.carriers is None else dict.fromkeys(scenario.drives, scenario.spacing)
-        self._pursuit = Pursuit({name: one.speed for name, one in command_limits(scenario).items()}, spacing)
+        most = {name: one.speed for name, one in command_limits(scenario).items()}
+        noise = {one.of: one.noise for one in scenario.sensors.values() if one.kind == "encoder"}
+        self._pursuit, self._stops = Pursuit(most, spacing, noise), EmergencyStops(scenario)
+        self._late = 0.0  # s, by which stamps of the plant are behind our clock
         self._known = plant_topics(scenario)
         self._commands = Topic(f"{PLANT}/{JOINT_COMMANDS}", JointState.__msgtype__)
         self.topics = (*self._known.values(), self._commands)
@@ -104,9 +107,9 @@ class PlantSubscriber:
             if name == COMMANDS:
                 command = command_from_message(JOINT_COMMANDS, data)
                 if isinstance(command, Command) and command.kind == "speed":
-                    self._pursuit.command(now, command.values)
+                    self._pursuit.command(now - self._late, command.values)
                     for joint in command.values:
-                        self._drive(now, joint)
+                        self._drive(now - self._late, joint)
             elif name == JOINTS:
                 for one in measurements_from_message(name, data, self._sensors, 0):
                     if self._sensors[one.sensor].kind != "encoder":
@@ -122,7 +125,12 @@ class PlantSubscriber:
         """Accept a measured place (m) of a time (s); measurements stamped by another clock are left out."""
         if not abs(place) < float("inf") or abs(now - time) > OTHER_CLOCK:
             return
+        self._late = now - time
         self._pursuit.measure(time, joint, place)
+        stop = self._stops.measure(time, joint, place)
+        if stop is not None and not self._pursuit.stopped and not self._loop.emergency_stopped:
+            self._pursuit.stop(stop)
+            self._submit(Command("emergency_stop", {}))
         self._drive(time, joint)
 
     def _drive(self, time: float, joint: str) -> None:
@@ -135,9 +143,17 @@ class PlantSubscriber:
         else:
             return
         late = self._stamp_ns(snapshot.time) / SECOND - time
-        speed = self._pursuit.wanted(time, joint, place - own_speed * late)
+        place -= own_speed * late
+        if self._pursuit.moves_again(time, joint, place):
+            self._pursuit.release()
+            self._submit(Command("release", {}))
+        speed = self._pursuit.wanted(time, joint, place)
         if speed is not None:
-            self._loop.submit(Command("speed", {joint: speed}), SOURCE).add_done_callback(self._on_applied)
+            self._submit(Command("speed", {joint: speed}))
+
+    def _submit(self, command: Command) -> None:
+        """Command the twin as the plant moves."""
+        self._loop.submit(command, SOURCE).add_done_callback(self._on_applied)
 
     def _on_applied(self, future: Any) -> None:
         if not future.cancelled() and (error := future.exception()) is not None:

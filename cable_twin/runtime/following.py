@@ -14,6 +14,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import IO, NamedTuple
 
+from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops
 from cable_twin.ensemble.estimate.followers import unfollowable
 from cable_twin.ensemble.estimate.pursuit import Pursuit
 from cable_twin.ensemble.estimate.tracker import ALONE, BEHIND, FOLLOWING, SILENT
@@ -150,4 +151,4 @@ class LiveFollowing(Companion):
             self._publish(answer.message)
 
 
-__all__ = ["COMMANDS", "Arrival", "Estimated", "LiveFollowing", "Pursuit", "unfollowable"]
+__all__ = ["COMMANDS", "Arrival", "EmergencyStops", "Estimated", "LiveFollowing", "Pursuit", "unfollowable"]

@@ -48,8 +48,9 @@ class Arrivals:
         """Time (s) of the plant's clock at a time (s) of this computer's clock."""
         return arrival - min((offset for _, offset in self._offsets), default=0.0)
 
-    def put(self, measurements: Sequence[Measurement], arrival: float) -> None:
-        """Accept measurements that arrive at a time (s) of this computer's clock."""
+    def put(self, measurements: Sequence[Measurement], arrival: float) -> list[Measurement]:
+        """Accept measurements that arrive at a time (s) of this computer's clock; returns those not left out."""
+        taken = []
         for one in measurements:
             if not all(map(isfinite, one.values)):
                 self._leave_out(one, "not finite")
@@ -59,6 +60,8 @@ class Arrivals:
                 else:
                     self.newest, self.last = max(self.newest, one.time), arrival
                     heapq.heappush(self._waiting, (one.time, 1, next(self._number), one))
+                    taken.append(one)
+        return taken
 
     def command(self, applied: AppliedCommand) -> None:
         """Queue a command of the plant by its time (s) of the plant's clock."""

@@ -205,6 +205,11 @@ class Follower:
         covariance[of_sensors, of_sensors] = np.maximum(np.diag(covariance)[of_sensors], self._errors**2)
         self._belief = Belief(mean, covariance)
 
+    def doubt_swing(self) -> None:
+        """Expect any swing from now on, as of a plant that has stopped all at once, or was not heard."""
+        swinging = any_swing(self._belief, len(self.slow), len(self._fast))
+        self._belief, self._stirred = self._belief._replace(covariance=swinging), 1.0
+
     def close(self) -> None:
         """End the threads of the ensemble."""
         self._ensemble.close()

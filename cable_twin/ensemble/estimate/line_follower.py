@@ -281,6 +281,9 @@ class LineFollower:
         """Present reading (m) of an encoder in the twin."""
         return self.readings[sensor].in_frame(self._twin.snapshot.numbers)
 
+    def doubt_swing(self) -> None:
+        """Expect any swing from now on, which is not estimated of carriers."""
+
     def close(self) -> None:
         """End the follower, which has no threads."""
 

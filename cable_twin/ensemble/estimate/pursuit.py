@@ -7,7 +7,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-FRESH = 0.6  # s, for which a command of the plant holds
+from cable_twin.ensemble.estimate.emergency_stops import Stop
+from cable_twin.ensemble.estimate.leaps import Leaps
+
+FRESH = 0.6  # s, for which a command of the plant, or a measured place, holds
+SELDOM = 3.0  # times the usual time between two places, for which one holds where that is longer
 APART, NEAR = 0.3, 0.1  # m beyond the way of `TIMING`, from which a place is pursued, and up to which
 TIMING = 0.1  # s, by which commands of a plant may be earlier or later in the twin
 CLOSING = 4.0  # s, in which a distance is made up for
@@ -17,28 +21,47 @@ SPAN, LONG_SPAN = 1.0, 2.0  # s, over which a measured speed is averaged, and an
 FEWEST = 4  # samples that are kept of a sensor that measures seldom
 CHANGED = 0.02  # m/s, from which on another speed is commanded
 LONGEST = 0.3  # s, after which a speed is commanded again
+AWAY, LATE = (
+    0.5,
+    0.4,
+)  # m, and s of the speed before a stop while it lasts, by which a plant is away that has not stopped
 
 
 class Pursuit:
     """Speed commands to the drives of a twin: as the plant is commanded, or else by the plant's encoders.
 
-    A twin that gets all commands of its plant moves as the plant does. A twin that missed some, as of an emergency stop
-    on the spot, is brought to the place of the plant by its speed.
+    A twin that gets all commands of its plant moves as the plant does. A twin that missed some is brought to the place
+    of the plant by its speed. Places of an encoder that is silent, or has leapt, are none.
 
     Attributes:
         catching_up: whether a drive is brought to the place of the plant at present, by a speed that the plant has not.
+        stopped: whether an emergency stop of the plant is in force in the twin, so that no speed is commanded.
 
     Args:
         most: largest speed (m/s) by name of a carriage or drive.
         period: distance (m) after which places of a drive are alike, as round a loop, by name.
+        noise: standard deviation (m) of a measured place by name.
     """
 
-    def __init__(self, most: Mapping[str, float], period: Mapping[str, float] | None = None) -> None:
-        self._most, self._period = dict(most), dict(period or {})
+    def __init__(
+        self,
+        most: Mapping[str, float],
+        period: Mapping[str, float] | None = None,
+        noise: Mapping[str, float] | None = None,
+    ) -> None:
+        self._most, self._period, self._noise = dict(most), dict(period or {}), dict(noise or {})
         self._commanded: dict[str, tuple[float, float]] = {}  # time (s) and speed (m/s) of the last command
         self._places: dict[str, deque[tuple[float, float]]] = {}  # times (s) and places (m) of the last `LONG_SPAN`
         self._given: dict[str, tuple[float, float]] = {}
         self._pursued: set[str] = set()
+        self._leaps: dict[str, Leaps] = {}
+        self._stop: Stop | None = None
+        self._idle = self._asked = False  # whether a plant that has stopped was commanded to stand, and then to move
+
+    @property
+    def stopped(self) -> bool:
+        """Whether an emergency stop of the plant is in force in the twin."""
+        return self._stop is not None
 
     @property
     def catching_up(self) -> bool:
@@ -49,10 +72,15 @@ class Pursuit:
         """Record the speeds (m/s) that a plant was commanded at a time (s), by name of carriage or drive."""
         for name, speed in speeds.items():
             self._commanded[name] = time, speed
+            if self._stop is not None and self._stop.name == name:
+                self._asked = self._idle and abs(speed) >= CHANGED
+                self._idle = self._idle or abs(speed) < CHANGED
 
     def measure(self, time: float, name: str, place: float) -> None:
         """Record the place (m) of a carriage or drive that an encoder measured at a time (s)."""
         kept = self._places.setdefault(name, deque())
+        if self._leaps.setdefault(name, Leaps(self._noise.get(name, 0.0))).note(time, place):
+            return
         kept.append((time, place))
         while len(kept) > FEWEST and kept[-1][0] - kept[0][0] > LONG_SPAN + 1e-9:
             kept.popleft()
@@ -94,14 +122,46 @@ class Pursuit:
 
     def forget(self) -> None:
         """Forget all measured places, as after a silence of the plant."""
-        for kept in self._places.values():
+        for kept in (*self._places.values(), *self._leaps.values()):
             kept.clear()
         self._pursued.clear()
+
+    def stop(self, stop: Stop) -> None:
+        """Record that an emergency stop of the plant is in force in the twin from now on."""
+        commanded_at, commanded = self._commanded.get(stop.name, (-np.inf, np.nan))
+        self._idle, self._asked = stop.time - commanded_at <= FRESH and abs(commanded) < CHANGED, False
+        self._stop = stop
+
+    def moves_again(self, time: float, name: str, place: float | None) -> bool:
+        """Whether a plant that has stopped moves again, or has not stopped where its twin at a place (m) has.
+
+        Commands tell it that ask for a speed after they had asked for none; else the place of the plant.
+        """
+        if self._stop is None or name != self._stop.name:
+            return False
+        there, lasts = self._fresh_place(time, name), time < self._stop.time + self._stop.lasts + SPAN
+        margin = AWAY + (LATE * self._stop.speed if lasts else 0.0)
+        away = place is not None and there is not None and abs(self.apart(name, there, place)) > margin
+        return self._asked or away
+
+    def release(self) -> None:
+        """Record that the emergency stop is no longer in force in the twin."""
+        self._stop, self._idle, self._asked = None, False, False
+        self._given.clear()
 
     def leave(self, name: str) -> None:
         """Forget the measured places of a carriage or drive whose encoder is left out as faulty."""
         self._places.pop(name, None)
+        self._leaps.pop(name, None)
         self._pursued.discard(name)
+
+    def _fresh_place(self, time: float, name: str) -> float | None:
+        """Newest measured place (m) of a carriage or drive, unless its encoder is silent at a time (s)."""
+        kept = self._places.get(name)
+        if not kept:
+            return None
+        usual = (kept[-1][0] - kept[0][0]) / max(len(kept) - 1, 1)
+        return kept[-1][1] if time - kept[-1][0] <= max(FRESH, SELDOM * usual) else None
 
     def wanted(self, time: float, name: str, place: float) -> float | None:
         """Speed (m/s) to command to a drive of the twin that is at a place (m); None for no new command.
@@ -111,10 +171,13 @@ class Pursuit:
             name: of the carriage or drive.
             place: m, of the twin.
         """
+        if self.stopped:
+            return None
         commanded_at, commanded = self._commanded.get(name, (-np.inf, 0.0))
         fresh = time - commanded_at <= FRESH
-        measured, there = self.speed_of(name), self.place_of(name)
+        measured, there = self.speed_of(name), self._fresh_place(time, name)
         if measured is None or there is None:
+            self._pursued.discard(name)
             return self._give(time, name, commanded) if fresh else None
         apart = self.apart(name, there, place)
         margin = (NEAR if name in self._pursued else APART) + TIMING * abs(measured)

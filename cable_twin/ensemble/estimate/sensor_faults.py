@@ -9,6 +9,7 @@ import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.jumps import ROUGHER, SMALLEST, Jumps
+from cable_twin.ensemble.estimate.leaps import Leaps
 from cable_twin.ensemble.estimate.quantities import LEAST_FORCE, Reading
 from cable_twin.frame.sensors import Measurement
 from cable_twin.mechanics.parameters import FloatArray
@@ -18,6 +19,8 @@ PLANT = "plant"  # instead of a sensor: several contradict
 SUSPECT_WINDOWS = 3  # in which it has to, one after the other, before it is left out for good
 STUCK_SAMPLES = 30  # equal ones of a sensor with noise
 STANDING_SAMPLES = 5  # equal ones of an encoder, which before was faster than
+LEAPT_SAMPLES, ALIKE = 5, 0.3  # samples after a leap, and share of it by which these may differ
+LARGEST_LEAP = 20.0  # m, from which on the plant itself is taken to be elsewhere
 UNIT_SAMPLES = 5  # of another unit, one after the other: one alone may be near 0 by chance
 SUDDEN = 1.0  # m/s, from which no drive stops within a sample
 WELL_ABOVE = 30.0  # times its noise, from which on a prediction tells the unit of a sensor
@@ -74,6 +77,8 @@ class Doubts:
         self._last: dict[str, tuple[float, int]] = {}  # value and count of equal samples
         self._moved: dict[str, tuple[float, float, float]] = {}  # time, place and speed of the last move of an encoder
         self._jumps = {name: Jumps(one.noise) for name, one in readings.items() if one.unit == "m"}
+        self._leaps = {name: Leaps(one.noise) for name, one in readings.items() if one.unit == "m"}
+        self._away: dict[str, list[float]] = {}  # m, of samples one after the other, from where each encoder may be
         self._of_other_units: dict[str, int] = {}  # count of samples one after the other
         self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
         self.left_out: dict[str, Alarm] = {}
@@ -93,9 +98,17 @@ class Doubts:
     def known(self, known: tuple[dict[str, Alarm], dict[str, str]]) -> None:
         self.left_out, self._exchanged = known
 
+    @property
+    def suspects(self) -> bool:
+        """Whether a sensor, or the plant, contradicted in the last window."""
+        return bool(self._suspected)
+
     def forget(self) -> None:
         """Forget which sensors are suspected, as at a restart; sensors already left out stay so."""
         self._suspected.clear()
+        self._away.clear()
+        for leaps in self._leaps.values():
+            leaps.clear()
         self._forget_places()
 
     def expect_waves(self) -> None:
@@ -116,6 +129,7 @@ class Doubts:
         """
         known = [one for one in measurements if one.sensor in self._readings]
         alarms = self._stuck(time, known, numbers) + self._of_another_unit(time, known, numbers)
+        alarms += self._leapt(time, known)
         if unlike:
             self._forget_places()
             return alarms
@@ -191,6 +205,20 @@ class Doubts:
                 self._moved[one.sensor] = time, size, (size - before[1]) / max(time - before[0], 1e-3)
             if same and count + 1 == most and abs(self._moved.get(one.sensor, (0.0, 0.0, np.inf))[2]) > SUDDEN:
                 text = f"sensor {one.sensor} is stuck at {with_unit(size, reading.unit, 6)} and is left out"
+                alarms.append(self.leave_out(one.sensor, time, text))
+        return alarms
+
+    def _leapt(self, time: float, measurements: Sequence[Measurement]) -> list[Alarm]:
+        """Alarms for encoders that have leapt to places where their vehicles cannot be, and stay beside the way."""
+        alarms = []
+        for one, reading in self._read(measurements):
+            if reading.unit != "m":
+                continue
+            away = self._away.setdefault(one.sensor, [])
+            size = self._leaps[one.sensor].note(time, one.values[0])
+            away[:] = [*away, size] if size else []
+            if len(away) == LEAPT_SAMPLES and max(away) - min(away) < ALIKE * abs(size) and abs(size) < LARGEST_LEAP:
+                text = f"sensor {one.sensor} has jumped by {with_unit(away[0], 'm', 2)} and is left out"
                 alarms.append(self.leave_out(one.sensor, time, text))
         return alarms
 

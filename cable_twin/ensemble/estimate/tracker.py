@@ -9,9 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.ensemble.estimate.arrivals import HORIZON, Arrivals, Item
+from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops, Stop, decelerations
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of
 from cable_twin.ensemble.estimate.pursuit import Pursuit
+from cable_twin.ensemble.estimate.silences import Silences, doubted
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import Scenario, command_limits
@@ -24,6 +26,8 @@ MOVES = 0.1  # m/s, from which on a plant moves
 ELSEWHERE = 20.0  # m, by which a plant is too far away to be pursued
 TIMES = 5  # samples, one after the other, that say so
 PROVEN = 60.0  # s, after which a beginning was not at a wrong place or speed, unless the plant was elsewhere till then
+FIRST = 3  # windows without a contradiction, the first ones, that say so before
+CALMED = 60.0  # s, for which a plant that has moved swings
 BEHIND, TOO_FAR = 5.0, 20.0  # s, by which it is behind its plant: told, and begun anew where the plant is now
 SOURCE = "plant"
 WAITING, FOLLOWING, ALONE = "waits for a plant", "follows", "goes on by its model"
@@ -55,12 +59,19 @@ class Tracker:
         follower: AnyFollower = follower_of(scenario, threads)
         self.follower, self.arrivals, self.state = follower, Arrivals(), WAITING
         self._most = {name: one.speed for name, one in command_limits(scenario).items()}
-        self._pursuit = Pursuit(self._most)
         self.sensors = scenario.sensors
+        noise = {one.of: one.noise for one in scenario.sensors.values() if one.kind == "encoder"}
+        self._pursuit, self._stops = Pursuit(self._most, noise=noise), EmergencyStops(scenario)
+        self._deceleration = max((decelerations(scenario, name)[0] for name in self._most), default=0.0)  # m/s^2
+        self._stop: Stop | None = None  # of the plant, until its time comes for the twin
+        self._moved = -np.inf  # s, when the plant was last seen to move
+        self._silences = Silences()
         self._encoders = {name: one.of for name, one in scenario.sensors.items() if one.kind == "encoder"}
         self._first, self._waits = 0.0, False  # s, of the first measurement since it listens; whether it said why
         self._heard = -np.inf  # s, of the newest measurements while it waits
         self._begun, self._learned = -np.inf, self.follower.learned  # s, and what was known then
+        self._agreed, self._contradicted = 0, False  # first windows that agreed, and whether one did not
+        self._followed: Correction | None = None  # last one by measurements
         self._far: dict[str, int] = {}  # samples of each encoder that were elsewhere
         self._refused: set[str] = set()
         self.behind, self._told_behind = 0.0, False
@@ -73,7 +84,13 @@ class Tracker:
 
     def measure(self, measurements: Sequence[Measurement], arrival: float) -> None:
         """Accept measurements that arrive at a time (s) of this computer's clock."""
-        self.arrivals.put(measurements, arrival)
+        for one in self.arrivals.put(measurements, arrival):
+            if self.state != FOLLOWING or one.sensor not in self._encoders or one.sensor in self.follower.left_out:
+                continue
+            stop = self._stops.measure(one.time, self._encoders[one.sensor], one.values[0])
+            if stop is not None and self._stop is None and not self._pursuit.stopped:
+                self._stop = stop  # measurements wait longer for others than a stop takes to show
+                self.arrivals.command(AppliedCommand(stop.time, Command("emergency_stop", {}), SOURCE))
 
     def command(self, speeds: Mapping[str, float], arrival: float) -> None:
         """Accept the commanded speeds (m/s) of the plant at a time (s) of this computer's clock."""
@@ -107,20 +124,27 @@ class Tracker:
         """Process the commands and measurements of one time (s); yields corrections and lines to log."""
         measured, lines = [item for item in items if isinstance(item, Measurement)], list[str]()
         for item in items:
-            if isinstance(item, AppliedCommand):
+            if isinstance(item, AppliedCommand) and item.command.kind == "emergency_stop":
+                lines += self._begin_stop(time)
+            elif isinstance(item, AppliedCommand):
                 self._pursuit.command(time, item.command.values)
                 for name in item.command.values if self.state != WAITING else ():
                     sensor = next((one for one, of in self._encoders.items() if of == name), "")
                     place = self.follower.place_of(sensor) if sensor and self.state == FOLLOWING else 0.0
                     if sensor in self.follower.left_out:
                         self._pursuit.leave(name)
-                    if fault := self._drive(max(time, self.follower.time), name, place):
+                    now = max(time, self.follower.time)
+                    if self._pursuit.moves_again(now, name, None):
+                        lines += self._release(now)
+                    if fault := self._drive(now, name, place):
                         lines.append(fault)
         if measured and self.state == WAITING:
             self._listen(time)
         for one in measured:
             if one.sensor in self._encoders and one.sensor not in self.follower.left_out:
                 self._pursuit.measure(time, self._encoders[one.sensor], one.values[0])
+                speed = self._pursuit.speed_of(self._encoders[one.sensor])
+                self._moved = time if speed is not None and abs(speed) > MOVES else self._moved
         if self.state == WAITING:
             if measured:
                 yield from self._begin(time)
@@ -129,12 +153,42 @@ class Tracker:
             return  # the twin has gone on alone beyond it
         if self.state == ALONE and measured:
             self.state = FOLLOWING
+            self.follower.doubt_swing()
             lines.append(f"the plant is back at {time:.1f} s: the twin follows again")
         correction = self.follower.take(time, measured) if measured else None
-        self._taken = time if measured else self._taken
+        if measured:
+            self._taken = time
+            lines += self._silences.note(time, measured, self.follower.left_out)
+        self._note(correction)
         lines += self._pursue(time, measured)
         if correction is not None or lines:
             yield News(time, correction, tuple(lines))
+
+    def _note(self, correction: Correction | None) -> None:
+        """Note a correction of a followed plant, and whether one of the first ones contradicts the beginning."""
+        if correction is None:
+            return
+        self._followed = correction
+        if self._agreed < FIRST and not self._contradicted:
+            self._contradicted = bool(self.follower.doubts.suspects)
+            self._agreed += not self._contradicted
+
+    def _begin_stop(self, time: float) -> list[str]:
+        """Begin the emergency stop of the plant in the twin, if it follows; returns lines to log."""
+        stop, self._stop = self._stop, None
+        if stop is None or self.state == WAITING:
+            return []
+        time = max(time, self.follower.time)
+        self.follower.command(AppliedCommand(time, Command("emergency_stop", {}), SOURCE))
+        self.follower.doubt_swing()
+        self._pursuit.stop(stop)
+        return [f"the plant makes an emergency stop at {stop.time:.1f} s, and the twin as well"]
+
+    def _release(self, time: float) -> list[str]:
+        """Release the emergency stop in the twin; returns lines to log."""
+        self._pursuit.release()
+        self.follower.command(AppliedCommand(max(time, self.follower.time), Command("release", {}), SOURCE))
+        return [f"the plant moves again at {time:.1f} s: the emergency stop of the twin is released"]
 
     def _say_behind(self, present: float) -> Iterator[News]:
         """Report that the twin is behind its plant in time; restart the twin where it is too far behind."""
@@ -152,8 +206,16 @@ class Tracker:
 
     def _wait(self) -> None:
         """Forget the places of the plant, and wait until the twin can begin anew where it is."""
+        self._forget()
+        if self._pursuit.stopped:
+            self._release(self.follower.time)
+        self.state, self._heard, self._waits, self._stop = WAITING, -np.inf, False, None
+
+    def _forget(self) -> None:
+        """Forget what was measured, as before a gap."""
         self._pursuit.forget()
-        self.state, self._heard, self._waits = WAITING, -np.inf, False
+        self._stops.clear()
+        self._silences.clear()
 
     def _listen(self, time: float) -> None:
         """Note that a twin that waits has measurements of a time (s); what was before a gap in them is forgotten."""
@@ -185,9 +247,8 @@ class Tracker:
         speed, acceleration = self._pursuit.speed_of(name), self._pursuit.acceleration_of(name)
         if speed is None:
             return not self._pursuit.knows(name)  # an encoder of which nothing is ever heard is not waited for
-        if abs(speed) < MOVES:
-            return True
-        return not self.follower.needs_rest and acceleration is not None and abs(acceleration) < STEADY
+        steady = acceleration is not None and abs(acceleration) < STEADY
+        return steady and (abs(speed) < MOVES or not self.follower.needs_rest)
 
     def _begin_at(self, time: float) -> list[str]:
         motion = {}
@@ -198,16 +259,20 @@ class Tracker:
                 motion[name] = place, 0.0 if speed is None or abs(speed) < MOVES else float(np.clip(speed, -most, most))
         where = ", ".join(f"{name} at {place:.2f} m with {speed:.2f} m/s" for name, (place, speed) in motion.items())
         self._begun, self._learned = time, self.follower.learned
+        self._agreed, self._contradicted, self._followed = 0, False, None
         try:
             self.follower.begin_at(time, motion)
         except (EquilibriumError, ValueError) as error:
             self.state = ALONE
             return [f"cannot begin where the plant is ({where}): {str(error).splitlines()[0]}"]
         self.state = FOLLOWING
+        if time - self._moved < CALMED:
+            self.follower.doubt_swing()
         return [f"follows the plant from {time:.1f} s on: {where or 'no encoder tells where it is'}"]
 
     def _pursue(self, time: float, measured: Sequence[Measurement]) -> list[str]:
         """Command the drives of the twin to follow the encoders; restart where the plant is far from the twin."""
+        lines = list[str]()
         for one in measured:
             name = self._encoders.get(one.sensor)
             if name is None or one.sensor in self.follower.left_out:
@@ -219,13 +284,15 @@ class Tracker:
                 self._far.clear()
                 self._wait()
                 text = f"{name} is {apart:+.1f} m from the twin, which begins anew there"
-                if time - self._begun < PROVEN:
+                if time - self._begun < PROVEN and self._agreed < FIRST:
                     self.follower.learned = self._learned
                     text += f"; what was learned since {self._begun:.1f} s is forgotten"
-                return [text]
+                return [*lines, text]
+            if self._pursuit.moves_again(time, name, place):
+                lines += self._release(time)
             if fault := self._drive(time, name, place):
-                return [fault]
-        return []
+                lines.append(fault)
+        return lines
 
     def _drive(self, time: float, name: str, place: float) -> str:
         """Command a drive of the twin to follow the plant; returns the reason for its first refusal, else empty."""
@@ -245,14 +312,15 @@ class Tracker:
         """Advance the twin by its model while the plant is silent, window by window, with growing variances."""
         if self.state == FOLLOWING:
             self.state = ALONE
-            self._pursuit.forget()
+            self._forget()
             since = self.arrivals.newest
             yield News(since, None, (f"nothing from the plant since {since:.1f} s: the twin goes on by its model",))
         if self._taken + self.follower.window <= until:  # commands alone may have brought the twin beyond it
             self._taken = time = round(max(self._taken + self.follower.window, self.follower.time), 6)
             correction = self.follower.take(time, [])
             if correction is not None:
-                yield News(time, correction, ())
+                silent = time - self.arrivals.newest
+                yield News(time, doubted(correction, self._followed, silent, self._deceleration), ())
 
 
 def _time(item: Item) -> float:

@@ -1,0 +1,108 @@
+"""Detection of a plant's emergency stop by its encoders: a deceleration that no service stop has, and its beginning.
+
+Until the deceleration a vehicle moves at a constant speed, for the span of a fit: the fit has a kink of the speed's
+rate, at each moment that may be its beginning, and the best one counts.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.scenario import Scenario, command_limits
+
+SPAN, BEFORE = 2.0, 0.8  # s, of a fit, and of its part at constant speed, at least
+SHORTEST = 0.25  # s, from which on a deceleration is known
+FEWEST = 12  # samples of a fit
+STEPS = 0.05  # s, from one beginning that is tried to the next
+SHARE = 0.7  # of the way from a service stop to an emergency stop, from which on a deceleration is that of the latter
+LARGEST = 3.0  # times the deceleration of an emergency stop, which no brake has, but an encoder that is stuck
+ROUGH, SMALL = 0.1, 5e-3  # of the lag behind the constant speed, and m, that a fit may be off
+SLOWEST = 1.0  # m/s, below which a service stop is as good
+LAG = 0.25  # s, by which a carriage on its haul rope begins to slow down later than its drive, as it seems to a fit
+CONTRAST = 1.3  # times the service deceleration, above which an emergency stop is told from it
+
+
+class Stop(NamedTuple):
+    """Emergency stop of a plant, as an encoder shows it."""
+
+    name: str  # of the carriage or drive
+    time: float  # s, when it began
+    speed: float  # m/s, before it, without sign
+    lasts: float  # s, by the deceleration of the scenario
+
+
+def decelerations(scenario: Scenario, name: str) -> tuple[float, float]:
+    """Decelerations (m/s^2) of a service stop and of an emergency stop of a carriage or drive by name."""
+    one = scenario.drives[name] if name in scenario.drives else scenario.carriages[name].drive
+    return one.limits.deceleration or one.limits.acceleration, one.limits.emergency_deceleration
+
+
+class EmergencyStops:
+    """Detector of emergency stops by the places that the encoders of a plant measure.
+
+    Args:
+        scenario: of the twin, whose drive has a service and an emergency deceleration; with several drives, of which
+            one may stop alone, nothing is detected.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        names = [*command_limits(scenario)]
+        of_all = {name: decelerations(scenario, name) for name in names if len(names) == 1}
+        self._decelerations = {name: one for name, one in of_all.items() if one[1] > CONTRAST * one[0]}
+        hauled = any(one.drive.haul_rope is not None for one in scenario.carriages.values())
+        self._lag = LAG if hauled else 0.0
+        self._places: Mapping[str, deque[tuple[float, float]]] = {name: deque() for name in self._decelerations}
+
+    def clear(self) -> None:
+        """Forget all measured places."""
+        for kept in self._places.values():
+            kept.clear()
+
+    def measure(self, time: float, name: str, place: float) -> Stop | None:
+        """Add the place (m) of a carriage or drive at a time (s); returns an emergency stop that has begun lately."""
+        kept = self._places.get(name)
+        if kept is None or (kept and time <= kept[-1][0]):
+            return None
+        kept.append((time, place))
+        while time - kept[0][0] > SPAN:
+            kept.popleft()
+        if len(kept) < FEWEST or time - kept[0][0] < BEFORE + SHORTEST:
+            return None
+        service, emergency = self._decelerations[name]
+        times, places = np.array(kept).T
+        begun, speed, slower, off = _kink(times - time, places)
+        least = service + SHARE * (emergency - service)
+        lag = 0.5 * slower * begun**2
+        if abs(speed) < SLOWEST or not least < slower < LARGEST * emergency or off > max(SMALL, ROUGH * lag):
+            return None
+        kept.clear()
+        return Stop(name, float(time + begun) - self._lag, abs(speed), abs(speed) / emergency)
+
+
+def _kink(times: FloatArray, places: FloatArray) -> tuple[float, float, float, float]:
+    """Best fit of places (m) by a constant speed and then a constant deceleration, at times (s) before the last one.
+
+    Returns:
+        Beginning of the deceleration (s), speed before it (m/s), deceleration (m/s^2), and deviation of the fit (m),
+        which is infinite where a constant speed with a step is no worse: an encoder that has jumped.
+    """
+    best, stepped = (0.0, 0.0, 0.0, np.inf), np.inf
+    for begun in np.arange(-SHORTEST, times[0] + BEFORE, -STEPS).tolist():
+        found, off = _fitted(times, 0.5 * np.clip(times - begun, 0.0, None) ** 2, places)
+        if off < best[-1]:
+            best = begun, float(found[1]), float(-np.sign(found[1]) * found[2]), off
+    for middle in 0.5 * (times[1:] + times[:-1]):
+        stepped = min(stepped, _fitted(times, np.where(times > middle, 1.0, 0.0), places)[1])
+    return best if best[-1] < stepped else (*best[:-1], np.inf)
+
+
+def _fitted(times: FloatArray, shape: FloatArray, places: FloatArray) -> tuple[FloatArray, float]:
+    """Place, speed and size of a shape, all (n,), by least squares of places (n,), and what they are off, root mean."""
+    shapes = np.column_stack([np.ones_like(times), times, shape])
+    found: FloatArray = np.linalg.lstsq(shapes, places, rcond=None)[0]
+    return found, float(np.sqrt(np.mean((shapes @ found - places) ** 2)))
