@@ -258,6 +258,7 @@ class Follower:
         if lasted < window - 1e-6 or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
             return None
         alarms, self._alarms = self._alarms, []
+        self._rows = [row for row in self._rows if self.doubts.taken(row.sensor)]  # some are left out since
         correction = self._correct(time, numbers, alarms)
         self.doubts.corrected(numbers[0], self._ensemble.numbers()[0])
         return correction

@@ -22,6 +22,7 @@ from cable_twin.ensemble.estimate.biases import WRONG, Biases
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, LineStatics
+from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Estimate, Reading, Slow, readings
 from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts, fault_of_drive
 from cable_twin.frame.records import AppliedCommand
@@ -196,7 +197,7 @@ class LineFollower:
         self._sums: dict[str, list[_Sample]] = {}
         self._fast = FastErrors({name: self._scale(name, FAST, DRIVE_FAST) for name in self._of_forces})
         self._since, self._speed = 0.0, (0.0, 0.0)
-        self._departures = Departures()
+        self._departures, self._waves = Departures(), LineWaves()
         self._alarms: list[Alarm] = []  # of this window
         self._fastest = max(one.speed for one in command_limits(scenario).values())  # m/s
         self._followed: _Followed | None = None  # as of the last window in which the twin was where the plant was
@@ -282,7 +283,8 @@ class LineFollower:
         return self.readings[sensor].in_frame(self._twin.snapshot.numbers)
 
     def doubt_swing(self) -> None:
-        """Expect any swing from now on, which is not estimated of carriers."""
+        """Expect waves that the twin does not have from now on, as of a plant that has stopped all at once."""
+        self._waves.stir(self.time)
 
     def close(self) -> None:
         """End the follower, which has no threads."""
@@ -442,6 +444,7 @@ class LineFollower:
             effects = self._known_effects(own)
             force = float(np.linalg.norm(snapshot.columns.support_force[snapshot.layout.support_rows[name]]))
             variance = effects @ belief.covariance[:known, :known] @ effects + (HIDDEN * self._rest[name]) ** 2
+            variance += self._waves.variance(self.time, name, force)
             value = force + float(effects @ belief.mean[:known])
             found[f"{name}/force"] = Estimate(value, float(np.sqrt(variance)), "N")
         return found

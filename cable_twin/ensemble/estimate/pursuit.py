@@ -139,8 +139,8 @@ class Pursuit:
         """
         if self._stop is None or name != self._stop.name:
             return False
-        there, lasts = self._fresh_place(time, name), time < self._stop.time + self._stop.lasts + SPAN
-        margin = AWAY + (LATE * self._stop.speed if lasts else 0.0)
+        there, lasts = self._present_place(time, name), time < self._stop.time + self._stop.lasts + SPAN
+        margin = AWAY + (LATE if lasts else TIMING) * self._stop.speed
         away = place is not None and there is not None and abs(self.apart(name, there, place)) > margin
         return self._asked or away
 
@@ -155,13 +155,14 @@ class Pursuit:
         self._leaps.pop(name, None)
         self._pursued.discard(name)
 
-    def _fresh_place(self, time: float, name: str) -> float | None:
-        """Newest measured place (m) of a carriage or drive, unless its encoder is silent at a time (s)."""
-        kept = self._places.get(name)
+    def _present_place(self, time: float, name: str) -> float | None:
+        """Place (m) of a carriage or drive at a time (s), by its last ones; None where its encoder is silent."""
+        kept, speed = self._places.get(name), self.speed_of(name)
         if not kept:
             return None
         usual = (kept[-1][0] - kept[0][0]) / max(len(kept) - 1, 1)
-        return kept[-1][1] if time - kept[-1][0] <= max(FRESH, SELDOM * usual) else None
+        since = time - kept[-1][0]
+        return kept[-1][1] + since * (speed or 0.0) if since <= max(FRESH, SELDOM * usual) else None
 
     def wanted(self, time: float, name: str, place: float) -> float | None:
         """Speed (m/s) to command to a drive of the twin that is at a place (m); None for no new command.
@@ -175,7 +176,7 @@ class Pursuit:
             return None
         commanded_at, commanded = self._commanded.get(name, (-np.inf, 0.0))
         fresh = time - commanded_at <= FRESH
-        measured, there = self.speed_of(name), self._fresh_place(time, name)
+        measured, there = self.speed_of(name), self._present_place(time, name)
         if measured is None or there is None:
             self._pursued.discard(name)
             return self._give(time, name, commanded) if fresh else None

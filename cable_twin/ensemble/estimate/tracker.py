@@ -188,7 +188,7 @@ class Tracker:
         """Release the emergency stop in the twin; returns lines to log."""
         self._pursuit.release()
         self.follower.command(AppliedCommand(max(time, self.follower.time), Command("release", {}), SOURCE))
-        return [f"the plant moves again at {time:.1f} s: the emergency stop of the twin is released"]
+        return [f"the emergency stop of the twin is released at {time:.1f} s, as the plant moves"]
 
     def _say_behind(self, present: float) -> Iterator[News]:
         """Report that the twin is behind its plant in time; restart the twin where it is too far behind."""
