@@ -23,7 +23,7 @@ SHARE = 0.7  # of the way from a service stop to an emergency stop, from which o
 LARGEST = 3.0  # times the deceleration of an emergency stop, which no brake has, but an encoder that is stuck
 ROUGH, SMALL = 0.1, 5e-3  # of the lag behind the constant speed, and m, that a fit may be off
 SLOWEST = 1.0  # m/s, below which a service stop is as good
-LAG = 0.25  # s, by which a carriage on its haul rope begins to slow down later than its drive, as it seems to a fit
+LAG = 0.3  # s, by which a carriage on its haul rope begins to slow down later than its drive, as it seems to a fit
 CONTRAST = 1.3  # times the service deceleration, above which an emergency stop is told from it
 
 

@@ -135,6 +135,7 @@ class Follower:
         self._rows: list[Row] = []
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
+        self._shaken = 0.0  # s, until when the plant stops all at once
         self._stands, self._begun = True, 0.0  # at rest, as no command has changed anything since the beginning, s
         self.needs_rest, self._departures = True, Departures()
         self._expected = {one.name: Expected(one.plan, one.tolerance, bool(one.payload_of)) for one in self.slow}
@@ -205,8 +206,9 @@ class Follower:
         covariance[of_sensors, of_sensors] = np.maximum(np.diag(covariance)[of_sensors], self._errors**2)
         self._belief = Belief(mean, covariance)
 
-    def doubt_swing(self) -> None:
-        """Expect any swing from now on, as of a plant that has stopped all at once, or was not heard."""
+    def doubt_swing(self, until: float = 0.0) -> None:
+        """Expect any swing, as of a plant that was not heard; while it is shaken, until a time (s), as at a tower."""
+        self._shaken, self._stands = until, False
         swinging = any_swing(self._belief, len(self.slow), len(self._fast))
         self._belief, self._stirred = self._belief._replace(covariance=swinging), 1.0
 
@@ -245,7 +247,7 @@ class Follower:
                 value = reading.measured(one)
                 variance = self._variance(reading) + (TIMING * float(np.linalg.norm(rates[reading.places]))) ** 2
                 self._rows.append(Row(sensor, value, reading.of(numbers), variance, numbers))
-        if self._passes_a_tower(numbers[0]) != self._at_tower:
+        if (self._passes_a_tower(numbers[0]) or time < self._shaken) != self._at_tower:
             self._at_tower = not self._at_tower
             self._stirred = 1.0
             self._rows, self._since, self._from = [], time, time

@@ -25,6 +25,7 @@ AWAY, LATE = (
     0.5,
     0.4,
 )  # m, and s of the speed before a stop while it lasts, by which a plant is away that has not stopped
+STARTS = 3.0  # s, in which a drive begins to move that is commanded to
 
 
 class Pursuit:
@@ -52,6 +53,7 @@ class Pursuit:
         self._most, self._period, self._noise = dict(most), dict(period or {}), dict(noise or {})
         self._commanded: dict[str, tuple[float, float]] = {}  # time (s) and speed (m/s) of the last command
         self._places: dict[str, deque[tuple[float, float]]] = {}  # times (s) and places (m) of the last `LONG_SPAN`
+        self._asked_since: dict[str, float] = {}  # s, from when on a speed has been commanded without a stop
         self._given: dict[str, tuple[float, float]] = {}
         self._pursued: set[str] = set()
         self._leaps: dict[str, Leaps] = {}
@@ -72,6 +74,9 @@ class Pursuit:
         """Record the speeds (m/s) that a plant was commanded at a time (s), by name of carriage or drive."""
         for name, speed in speeds.items():
             self._commanded[name] = time, speed
+            self._asked_since[name] = (
+                min(self._asked_since.get(name, np.inf), time) if abs(speed) >= CHANGED else np.inf
+            )
             if self._stop is not None and self._stop.name == name:
                 self._asked = self._idle and abs(speed) >= CHANGED
                 self._idle = self._idle or abs(speed) < CHANGED
@@ -132,15 +137,20 @@ class Pursuit:
         self._idle, self._asked = stop.time - commanded_at <= FRESH and abs(commanded) < CHANGED, False
         self._stop = stop
 
+    def is_held(self, time: float, name: str) -> bool:
+        """Whether a plant that stands is commanded to move all the same, since longer than it needs to start."""
+        commanded_at, _ = self._commanded.get(name, (-np.inf, 0.0))
+        return time - commanded_at <= FRESH and time - self._asked_since.get(name, np.inf) > STARTS
+
     def moves_again(self, time: float, name: str, place: float | None) -> bool:
-        """Whether a plant that has stopped moves again, or has not stopped where its twin at a place (m) has.
+        """Whether a plant that has stopped moves again, or is not where its twin at a place (m) has stopped.
 
         Commands tell it that ask for a speed after they had asked for none; else the place of the plant.
         """
         if self._stop is None or name != self._stop.name:
             return False
         there, lasts = self._present_place(time, name), time < self._stop.time + self._stop.lasts + SPAN
-        margin = AWAY + (LATE if lasts else TIMING) * self._stop.speed
+        margin = APART + (LATE * self._stop.speed if lasts else 0.0)
         away = place is not None and there is not None and abs(self.apart(name, there, place)) > margin
         return self._asked or away
 

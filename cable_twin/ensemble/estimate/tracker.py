@@ -27,6 +27,8 @@ ELSEWHERE = 20.0  # m, by which a plant is too far away to be pursued
 TIMES = 5  # samples, one after the other, that say so
 PROVEN = 60.0  # s, after which a beginning was not at a wrong place or speed, unless the plant was elsewhere till then
 FIRST = 3  # windows without a contradiction, the first ones, that say so before
+STOPPING = 2.0  # s, by which an emergency stop lasts longer than by its mean deceleration
+BROUGHT = 8.0  # s, in which a twin is brought to the place where its plant has stopped
 CALMED = 60.0  # s, for which a plant that has moved swings
 BEHIND, TOO_FAR = 5.0, 20.0  # s, by which it is behind its plant: told, and begun anew where the plant is now
 SOURCE = "plant"
@@ -64,10 +66,12 @@ class Tracker:
         self._pursuit, self._stops = Pursuit(self._most, noise=noise), EmergencyStops(scenario)
         self._deceleration = max((decelerations(scenario, name)[0] for name in self._most), default=0.0)  # m/s^2
         self._stop: Stop | None = None  # of the plant, until its time comes for the twin
+        self._bringing = False  # whether the twin is brought to a plant that has moved on while the twin had stopped
         self._moved = -np.inf  # s, when the plant was last seen to move
         self._silences = Silences()
         self._encoders = {name: one.of for name, one in scenario.sensors.items() if one.kind == "encoder"}
         self._first, self._waits = 0.0, False  # s, of the first measurement since it listens; whether it said why
+        self._cannot = False  # whether it said why it cannot begin
         self._heard = -np.inf  # s, of the newest measurements while it waits
         self._begun, self._learned = -np.inf, self.follower.learned  # s, and what was known then
         self._agreed, self._contradicted = 0, False  # first windows that agreed, and whether one did not
@@ -155,7 +159,9 @@ class Tracker:
             self.state = FOLLOWING
             self.follower.doubt_swing()
             lines.append(f"the plant is back at {time:.1f} s: the twin follows again")
-        correction = self.follower.take(time, measured) if measured else None
+        self._bringing = self._bringing and self._pursuit.catching_up
+        told = [one for one in measured if not (self._bringing and one.sensor in self._encoders)]
+        correction = self.follower.take(time, told) if measured else None
         if measured:
             self._taken = time
             lines += self._silences.note(time, measured, self.follower.left_out)
@@ -180,15 +186,15 @@ class Tracker:
             return []
         time = max(time, self.follower.time)
         self.follower.command(AppliedCommand(time, Command("emergency_stop", {}), SOURCE))
-        self.follower.doubt_swing()
+        self.follower.doubt_swing(stop.time + stop.lasts + STOPPING)
         self._pursuit.stop(stop)
-        return [f"the plant makes an emergency stop at {stop.time:.1f} s, and the twin as well"]
+        return [f"the plant is stopped at {stop.time:.1f} s by an emergency stop, and the twin as well"]
 
     def _release(self, time: float) -> list[str]:
         """Release the emergency stop in the twin; returns lines to log."""
         self._pursuit.release()
         self.follower.command(AppliedCommand(max(time, self.follower.time), Command("release", {}), SOURCE))
-        return [f"the emergency stop of the twin is released at {time:.1f} s, as the plant moves"]
+        return [f"the emergency stop of the twin is released at {time:.1f} s, as the plant moves or is elsewhere"]
 
     def _say_behind(self, present: float) -> Iterator[News]:
         """Report that the twin is behind its plant in time; restart the twin where it is too far behind."""
@@ -263,12 +269,17 @@ class Tracker:
         try:
             self.follower.begin_at(time, motion)
         except (EquilibriumError, ValueError) as error:
-            self.state = ALONE
-            return [f"cannot begin where the plant is ({where}): {str(error).splitlines()[0]}"]
-        self.state = FOLLOWING
+            self._first, told, self._cannot = time, self._cannot, True  # it listens anew
+            return [] if told else [f"cannot begin where the plant is ({where}): {str(error).splitlines()[0]}"]
+        self.state, self._cannot = FOLLOWING, False
         if time - self._moved < CALMED:
             self.follower.doubt_swing()
-        return [f"follows the plant from {time:.1f} s on: {where or 'no encoder tells where it is'}"]
+        lines = [f"follows the plant from {time:.1f} s on: {where or 'no encoder tells where it is'}"]
+        standing = not any(speed for _, speed in motion.values())
+        if standing and (held := [name for name in motion if self._pursuit.is_held(time, name)]):
+            self._stop = Stop(held[0], time, 0.0, 0.0)
+            lines += self._begin_stop(time)
+        return lines
 
     def _pursue(self, time: float, measured: Sequence[Measurement]) -> list[str]:
         """Command the drives of the twin to follow the encoders; restart where the plant is far from the twin."""
@@ -290,6 +301,8 @@ class Tracker:
                 return [*lines, text]
             if self._pursuit.moves_again(time, name, place):
                 lines += self._release(time)
+                self.follower.doubt_swing(time + BROUGHT)
+                self._bringing = True
             if fault := self._drive(time, name, place):
                 lines.append(fault)
         return lines
