@@ -21,10 +21,7 @@ SPAN, LONG_SPAN = 1.0, 2.0  # s, over which a measured speed is averaged, and an
 FEWEST = 4  # samples that are kept of a sensor that measures seldom
 CHANGED = 0.02  # m/s, from which on another speed is commanded
 LONGEST = 0.3  # s, after which a speed is commanded again
-AWAY, LATE = (
-    0.5,
-    0.4,
-)  # m, and s of the speed before a stop while it lasts, by which a plant is away that has not stopped
+LATE = 0.4  # s of the speed before a stop, by which a plant that has not stopped is farther away than `APART`
 STARTS = 3.0  # s, in which a drive begins to move that is commanded to
 
 
