@@ -217,7 +217,7 @@ def test_an_encoder_that_leaps_is_named_after_some_samples_and_the_twin_goes_on(
         return replace(item, values=(item.values[0] + 5.0,)) if away else item
 
     tracker = begins_under_way(scenario)
-    lines, contradicting = follow(tracker, [item for item in found if item.time < 8.0], leaps, commanded=7.0)
+    _, contradicting = follow(tracker, [item for item in found if item.time < 8.0], leaps, commanded=7.0)
     assert contradicting == ["sensor encoder_cabin has jumped by 5 m and is left out"]
     alarm = tracker.follower.left_out["encoder_cabin"]
     assert alarm.time == pytest.approx(4.0 + PERIOD * LEAPT_SAMPLES, abs=2.0 * PERIOD)

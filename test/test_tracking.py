@@ -71,10 +71,10 @@ def test_a_drive_goes_as_commanded_and_makes_up_for_a_distance():
     assert pursuit.wanted(1.0, "cabin", 12.0) == 6.5
     assert not pursuit.catching_up
     behind = 2.0 * APART + 0.7
-    assert pursuit.wanted(1.1, "cabin", 12.0 - behind) == pytest.approx(7.0 + behind / CLOSING)
+    assert pursuit.wanted(1.1, "cabin", 12.0 + 0.7 - behind) == pytest.approx(7.0 + behind / CLOSING)
     assert pursuit.catching_up
     assert pursuit.wanted(1.1, "cabin", -500.0) == BELOW * 10.0
-    assert pursuit.wanted(1.1, "cabin", 112.0) == pytest.approx(7.0 - np.sqrt(0.2 * 100.0))  # room to brake
+    assert pursuit.wanted(1.1, "cabin", 112.0 + 0.7) == pytest.approx(7.0 - np.sqrt(0.2 * 100.0))  # room to brake
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ TIMES = 5  # samples, one after the other, that say so
 PROVEN = 60.0  # s, after which a beginning was not at a wrong place or speed, unless the plant was elsewhere till then
 FIRST = 3  # windows without a contradiction, the first ones, that say so before
 STOPPING = 2.0  # s, by which an emergency stop lasts longer than by its mean deceleration
-BROUGHT = 8.0  # s, in which a twin is brought to the place where its plant has stopped
+BROUGHT = 8.0  # s, in which a twin is brought to the place of its plant behind such a stop, or for which it goes on
 CALMED = 60.0  # s, for which a plant that has moved swings
 BEHIND, TOO_FAR = 5.0, 20.0  # s, by which it is behind its plant: told, and begun anew where the plant is now
 SOURCE = "plant"
@@ -67,6 +67,7 @@ class Tracker:
         self._deceleration = max((decelerations(scenario, name)[0] for name in self._most), default=0.0)  # m/s^2
         self._stop: Stop | None = None  # of the plant, until its time comes for the twin
         self._bringing = False  # whether the twin is brought to a plant that has moved on while the twin had stopped
+        self._brought = 0.0  # s, until when at least
         self._moved = -np.inf  # s, when the plant was last seen to move
         self._silences = Silences()
         self._encoders = {name: one.of for name, one in scenario.sensors.items() if one.kind == "encoder"}
@@ -159,7 +160,8 @@ class Tracker:
             self.state = FOLLOWING
             self.follower.doubt_swing()
             lines.append(f"the plant is back at {time:.1f} s: the twin follows again")
-        self._bringing = self._bringing and self._pursuit.catching_up
+        if self._bringing and time >= self._brought:
+            self._bring(time, self._pursuit.catching_up)
         told = [one for one in measured if not (self._bringing and one.sensor in self._encoders)]
         correction = self.follower.take(time, told) if measured else None
         if measured:
@@ -195,6 +197,12 @@ class Tracker:
         self._pursuit.release()
         self.follower.command(AppliedCommand(max(time, self.follower.time), Command("release", {}), SOURCE))
         return [f"the emergency stop of the twin is released at {time:.1f} s, as the plant moves or is elsewhere"]
+
+    def _bring(self, time: float, bringing: bool) -> None:
+        """Let encoders not count, and swing alone be corrected, while the twin is brought to the place of its plant."""
+        self._bringing, self._brought = bringing, time + BROUGHT
+        if bringing:
+            self.follower.doubt_swing(self._brought)
 
     def _say_behind(self, present: float) -> Iterator[News]:
         """Report that the twin is behind its plant in time; restart the twin where it is too far behind."""
@@ -301,8 +309,7 @@ class Tracker:
                 return [*lines, text]
             if self._pursuit.moves_again(time, name, place):
                 lines += self._release(time)
-                self.follower.doubt_swing(time + BROUGHT)
-                self._bringing = True
+                self._bring(time, True)
             if fault := self._drive(time, name, place):
                 lines.append(fault)
         return lines
