@@ -104,5 +104,5 @@ def _kink(times: FloatArray, places: FloatArray) -> tuple[float, float, float, f
 def _fitted(times: FloatArray, shape: FloatArray, places: FloatArray) -> tuple[FloatArray, float]:
     """Place, speed and size of a shape, all (n,), by least squares of places (n,), and what they are off, root mean."""
     shapes = np.column_stack([np.ones_like(times), times, shape])
-    found: FloatArray = np.linalg.lstsq(shapes, places, rcond=None)[0]
+    found: FloatArray = np.asarray(np.linalg.lstsq(shapes, places, rcond=None)[0], np.float64)
     return found, float(np.sqrt(np.mean((shapes @ found - places) ** 2)))

@@ -124,8 +124,10 @@ class Pursuit:
 
     def forget(self) -> None:
         """Forget all measured places, as after a silence of the plant."""
-        for kept in (*self._places.values(), *self._leaps.values()):
+        for kept in self._places.values():
             kept.clear()
+        for leaps in self._leaps.values():
+            leaps.clear()
         self._pursued.clear()
 
     def stop(self, stop: Stop) -> None:
