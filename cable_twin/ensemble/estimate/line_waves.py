@@ -24,8 +24,8 @@ class LineWaves:
     def variance(self, time: float, name: str, force: float) -> float:
         """Variance (N^2) of a force (N) by name at a time (s), which is asked for window by window."""
         before, mean, square = self._moments.get(name, (time, force, force**2))
-        new = 1.0 - float(np.exp((before - time) / MEAN))
+        new = 1.0 - float(np.exp(min(before - time, 0.0) / MEAN))
         mean, square = mean + new * (force - mean), square + new * (force**2 - square)
         self._moments[name] = time, mean, square
-        share = float(np.exp((self._stirred - time) / CALMED))
+        share = float(np.exp(min(self._stirred - time, 0.0) / CALMED))
         return 2.0 * share * (max(square - mean**2, 0.0) + (force - mean) ** 2)

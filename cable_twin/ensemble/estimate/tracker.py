@@ -93,7 +93,7 @@ class Tracker:
             if self.state != FOLLOWING or one.sensor not in self._encoders or one.sensor in self.follower.left_out:
                 continue
             stop = self._stops.measure(one.time, self._encoders[one.sensor], one.values[0])
-            if stop is not None and self._stop is None and not self._pursuit.stopped:
+            if stop is not None and not self._pursuit.stopped:
                 self._stop = stop  # measurements wait longer for others than a stop takes to show
                 self.arrivals.command(AppliedCommand(stop.time, Command("emergency_stop", {}), SOURCE))
 
