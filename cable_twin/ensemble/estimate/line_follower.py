@@ -198,7 +198,6 @@ class LineFollower:
         self._fast = FastErrors({name: self._scale(name, FAST, DRIVE_FAST) for name in self._of_forces})
         self._since, self._speed = 0.0, (0.0, 0.0)
         self._departures, self._waves = Departures(), LineWaves()
-        self._shaken = 0.0  # s, until when the plant stops all at once, or the twin is brought to it
         self._alarms: list[Alarm] = []  # of this window
         self._fastest = max(one.speed for one in command_limits(scenario).values())  # m/s
         self._followed: _Followed | None = None  # as of the last window in which the twin was where the plant was
@@ -284,9 +283,8 @@ class LineFollower:
         return self.readings[sensor].in_frame(self._twin.snapshot.numbers)
 
     def doubt_swing(self, until: float = 0.0) -> None:
-        """Expect waves that the twin does not have from now on; until a time (s) its sensors correct nothing."""
+        """Expect waves that the twin does not have from now on, as of a plant that has stopped all at once."""
         self._waves.stir(self.time)
-        self._shaken = until
 
     def close(self) -> None:
         """End the follower, which has no threads."""
@@ -474,7 +472,7 @@ class LineFollower:
 
     def _counts(self, sensor: str, snapshot: Snapshot) -> bool:
         """Whether a sensor tells payloads at present: no carrier on the sheaves of its tower, or a steady drive."""
-        if sensor not in self._of_forces or self.time < self._shaken:
+        if sensor not in self._of_forces:
             return False
         if self._kinds[sensor] == "drive_force":
             row = snapshot.layout.drive_rows[self._of[sensor]]
