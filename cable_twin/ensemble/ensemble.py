@@ -284,6 +284,14 @@ class Ensemble:
             raise ValueError(f"apply: given {len(each)} commands; allowed: one, or {len(rows)}, one for each member")
         self._apply_each(rows, each)
 
+    def load(self, name: str, masses: FloatArray) -> None:
+        """Begin loading a vehicle to payloads (members,) in kg, over its loading time, wherever it is."""
+        states = self._states
+        for member, mass in enumerate(masses.tolist()):
+            simulation = states.enter(member)
+            simulation.engine.vehicles.load({name: mass})
+            states.leave(member, simulation)
+
     def advance_to(self, time: Any) -> None:
         """Run members until `time` (s), one for all or (members,), to the nearest whole step; see `faults` after it.
 

@@ -93,7 +93,8 @@ def with_values(base: Simulation, source: Source, values: Mapping[str, Any], *, 
 def put_in(simulation: Simulation, keys: Collection[str], before: FloatArray) -> None:
     """Put payloads, wind and temperature of the scenario into the present state, where given keys name them.
 
-    Payloads of carriers, which change in stations, are put in where they are still those of the start.
+    Payloads of carriers, which change in stations, are put in where they are still those of the start. Loading that is
+    under way ends for a vehicle whose payload is put in.
 
     Args:
         simulation: the simulation.
@@ -103,7 +104,10 @@ def put_in(simulation: Simulation, keys: Collection[str], before: FloatArray) ->
     scenario, vehicles = simulation.scenario, simulation.engine.vehicles
     named = {name for name in scenario.carriages if _name(keys, f"carriages.{name}.payload.mass")}
     each = zip(scenario.vehicles, simulation.state.payload, before, vehicles.first_loads, strict=True)
-    vehicles.put_in({name: float(own) for name, now, first, own in each if name in named or now == first != own})
+    loads = {name: float(own) for name, now, first, own in each if name in named or now == first != own}
+    vehicles.put_in(loads)
+    for name in loads:
+        vehicles.loading.pop(name, None)
     if _name(keys, "air.wind"):
         along, *across, up = scenario.air.wind
         simulation.wind(along, up, *across)

@@ -122,6 +122,16 @@ class Biases:
         if self._recent:
             self._renew()
 
+    def follow(self, sensors: Sequence[str], jacobian: FloatArray, gain: FloatArray) -> None:
+        """Account for an update of some quantities alone, which tells nothing of errors.
+
+        Args:
+            sensors: (k,) names.
+            jacobian: (k, n) derivatives of the predicted values.
+            gain: (n, k) of the update.
+        """
+        self._effects -= gain @ (jacobian @ self._effects + (np.array(sensors)[:, None] == self._sensors))
+
     def _renew(self) -> None:
         """Begin anew with hypotheses that are refuted, and from time to time with the least likely recent ones."""
         self._restart(self._likelier < REFUTED)

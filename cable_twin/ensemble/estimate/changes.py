@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.ensemble.estimate.kalman import Belief, Terms
 from cable_twin.mechanics.parameters import FloatArray
 
 SURELY_CHANGED = 10.0  # logarithm of how much likelier measurements are with a change than without any: 4.5 deviations
@@ -17,6 +19,38 @@ class Change(NamedTuple):
     number: int  # among those that were tried
     size: float
     likelier: float  # logarithm of how much likelier measurements are with it
+
+
+def doubted(
+    belief: Belief,
+    terms: Terms,
+    changes: Sequence[float],
+    errors: FloatArray,
+    rarer: float,
+) -> tuple[Belief, int]:
+    """Belief with more doubt of the slow quantity whose sudden change explains a window best, if no sensor's does.
+
+    Args:
+        belief: slow quantities first, slow errors of sensors last.
+        terms: innovation (m,), derivatives (m, n) and variance (m,) of the measurements.
+        changes: standard deviations of sudden changes of the slow quantities.
+        errors: standard deviations of sudden errors of the sensors.
+        rarer: logarithm of how much rarer these are.
+
+    Returns:
+        The belief, and the number of the slow quantity; -1 for none.
+    """
+    innovation, jacobian, variance = terms
+    total = jacobian @ belief.covariance @ jacobian.T + np.diag(variance)
+    count = len(changes)
+    effects = np.hstack([jacobian[:, :count], jacobian[:, -errors.size :]])
+    less = np.repeat([0.0, rarer], [count, errors.size])
+    found = best_change(innovation, total, effects, np.concatenate([changes, errors]), less)
+    if found is None or found.number >= count:
+        return belief, -1
+    covariance = belief.covariance.copy()
+    covariance[found.number, found.number] += found.size**2
+    return belief._replace(covariance=covariance), found.number
 
 
 def best_change(

@@ -6,7 +6,11 @@ from collections.abc import Container, Mapping
 from math import inf
 from typing import Any, NamedTuple
 
-from cable_twin.ensemble.estimate.quantities import Slow
+import numpy as np
+
+from cable_twin.ensemble.ensemble import Ensemble
+from cable_twin.ensemble.estimate.quantities import Slow, weights_along
+from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 
 SURELY = 5.0  # standard deviations of a change of tension at an end
@@ -84,6 +88,38 @@ def held_at(mass: Slow, travel: float, way: float, more: float) -> Slow | None:
         change=deviation,
         room=ROOM,
     )
+
+
+def hold(
+    ensemble: Ensemble, mass: Slow, points: FloatArray, travels: FloatArray, sides: tuple[int, int], more: float
+) -> Slow | None:
+    """Hold a stuck counterweight in all members at travels about one that is estimated, returned instead of its mass.
+
+    The members with its mass above and below the estimate have their rope tensioned more and less. What they differ
+    by is what each member is moved by to one travel of all, and the two above and below it by more of that.
+
+    Args:
+        ensemble: members, which are blended.
+        mass: the quantity that is its mass.
+        points: (2 n + 1,) masses of the first members, which become travels (m).
+        travels: (members,) m.
+        sides: members with more and with less mass.
+        more: kg, by which it seems to be heavier.
+
+    Returns:
+        The travel as a quantity; None for a counterweight that never moves.
+    """
+    above, below = sides
+    way = float((travels[above] - travels[below]) / (points[above] - points[below]))
+    held = held_at(mass, float(travels[0]), way, more)
+    if held is None:
+        return None
+    wanted = np.full(travels.size, held.mean)
+    wanted[[*sides]] += held.deviation, -held.deviation
+    ensemble.blend(weights_along(travels, wanted, above, below))
+    ensemble.change({mass.key: float(points[0])})
+    points[:] = wanted[: points.size]
+    return held
 
 
 def stops_of(scenario: Scenario) -> dict[str, Any]:

@@ -22,10 +22,11 @@ from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, has_moved, values_at, with_offsets
 from cable_twin.ensemble.estimate.biases import WRONG as WRONG_CELL
 from cable_twin.ensemble.estimate.biases import Biases
-from cable_twin.ensemble.estimate.changes import best_change
-from cable_twin.ensemble.estimate.counterweights import Stuck, held_at, mass_of, stops_of
-from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
-from cable_twin.ensemble.estimate.linear_range import any_swing, loads_went_far, wind_went_far
+from cable_twin.ensemble.estimate.boarding import Boarding
+from cable_twin.ensemble.estimate.changes import doubted
+from cable_twin.ensemble.estimate.counterweights import Stuck, hold, mass_of, stops_of
+from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update
+from cable_twin.ensemble.estimate.linear_range import any_swing, doubt_steps, loads_went_far, wind_went_far
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
     NEAR,
@@ -38,10 +39,10 @@ from cable_twin.ensemble.estimate.quantities import (
     estimates_of,
     friction_errors,
     hidden_quantities,
+    payload_places,
     readings,
     slow_quantities,
     stencil,
-    weights_along,
     weights_of,
 )
 from cable_twin.ensemble.estimate.scatter import SLOWER, Scatter, excuse
@@ -128,6 +129,8 @@ class Follower:
         cells = [(name, one.of) for name, one in scenario.sensors.items() if one.kind == "load_cell"]
         self._biases = Biases({name: WRONG_CELL * scale[of] for name, of in cells}, mean.size, recent=0)
         self._biases.expect(dict(zip(self.readings, errors.tolist(), strict=True)))
+        loads = payload_places(self.slow, self._layout)
+        self._boarding = Boarding(self._deviation, range(len(self.slow), len(self.slow) + len(self._fast)), loads)
         self._points, self._at_tower, self._stirred = self._stencil(self._belief), False, 0.0
         self._motion: dict[str, Any] = {}  # places and speeds of vehicles at the last beginning, by key
         self._change(rest=True)
@@ -181,20 +184,18 @@ class Follower:
             self._motion, self._points = before
             raise
         self.readings |= with_offsets(self.readings, self._scenario, offsets)
-        count, covariance = len(self.slow), self._belief.covariance.copy()
-        fast, mean = slice(count, count + len(self._fast)), self._belief.mean.copy()
-        mean[fast], covariance[fast, :], covariance[:, fast] = 0.0, 0.0, 0.0
         under_way = any(speed != 0.0 for _, speed in motion.values())
-        covariance[fast, fast] = (ANY_SWING if under_way else PRIOR) ** 2 * np.eye(len(self._fast))
-        self._belief = Belief(mean, covariance)
+        fast = [*range(len(self.slow), len(self.slow) + len(self._fast))]
+        self._belief = reset(self._belief, fast, 0.0, ANY_SWING if under_way else PRIOR)
         self._expect(self._of_friction if has_moved(self._scenario, motion) else 0.0 * self._of_friction)
-        self._biases.forget(range(fast.start, fast.stop))
+        self._biases.forget(fast)
         self._rows, self._before, self._zero = [], None, time
         self._since, self._from, self._at_tower = time, time, False
         self._stands, self._begun = not under_way, time
         self._stirred = 1.0 if under_way else 0.0
         self.needs_rest = self.needs_rest and under_way
         self.doubts.forget()
+        self._boarding.forget()
         self._swing()
 
     def _expect(self, friction: FloatArray) -> None:
@@ -223,7 +224,8 @@ class Follower:
             CommandError: the twin refuses it.
         """
         self._advance(applied.time)
-        self._ensemble.apply(applied.command)
+        if applied.command.kind != "payload":  # of a plant that is simulated; it is estimated
+            self._ensemble.apply(applied.command)
         if applied.command.kind not in ("speed", "force") or any(applied.command.values.values()):
             self._stands = False
 
@@ -234,7 +236,7 @@ class Follower:
         """
         self._advance(time)
         numbers = self._ensemble.numbers()
-        unlike = self._at_tower or bool(self._astray)
+        unlike = self._at_tower or bool(self._astray) or self._boarding.stirs
         self._alarms += self.doubts.of_samples(time, measurements, numbers[0], unlike)
         then, before = self._before or (time, numbers[0])
         rates = np.abs(numbers[0] - before) / max(time - then, 1e-3)
@@ -281,7 +283,8 @@ class Follower:
         """Correct slow quantities and states by the measurements of a window."""
         if self._stands and self._rest_where_believed(time):
             numbers = self._ensemble.numbers()
-        used = self._of_swing() if self._at_tower else self._consistent(time, alarms)
+        boarding = self._take_boarding(numbers)
+        used = self._of_swing() if self._at_tower else [] if boarding else self._consistent(time, alarms)
         innovation = 1.0
         if used:
             terms, before = self._linear(used), self._belief
@@ -298,16 +301,46 @@ class Follower:
                 swinging = any_swing(before, len(self.slow), len(self._fast))
                 self._belief, self._stirred = self._belief._replace(covariance=swinging), 1.0
             else:
-                self._doubt_steps()
-        sure = not self._astray and not self._held  # else the plant may explain as much as a wrong cell
+                self._belief = doubt_steps(self.slow, self._points[0], self._belief)
+        sure = not (self._astray or self._held or boarding)  # else the plant may explain as much as a wrong cell
         self._belief, wrong = self._biases.judge(time, self._belief, self.doubts, sure)
         lasted, self._since, self._from = time - self._since, time, time
         believed = self._biases.believed(self._belief)
         hidden, slow = self._hidden(numbers, believed), estimates_of(self.slow, believed) | self._held
         agreed = estimates_of(self.slow, self._biases.agreed(self._belief)) | self._held
-        alarms += [*wrong, *self._departures.alarms(time, slow, self._expected, agreed)]
+        expected = {name: one for name, one in self._expected.items() if not (boarding and one.may_change)}
+        alarms += [*wrong, *self._departures.alarms(time, slow, expected, agreed)]
         self._go_on(lasted, numbers)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
+
+    def _take_boarding(self, numbers: FloatArray) -> bool:
+        """Estimate payloads alone while they change in stations, by (members, n) values; False while none does.
+
+        Towers hold the rope by their friction then, so that members cannot rest anew around what a window says.
+        """
+        station, before = (self._scenario, self._layout, numbers[0], self._boarding.slow), self._boarding.changing
+        rows = [row for row, one in enumerate(self.slow) if boards(one, *station)]
+        self._boarding.note_loads(self._points, self._belief, numbers)
+        if not rows or self._at_tower:
+            self._boarding.forget()
+        if not rows or self._at_tower or not self._rows:
+            return False
+        terms, contradicted = self._linear(self._rows), bool(self._contradicting()[1])
+        if self._boarding.look(rows, terms, self._belief, self._biases, contradicted):
+            self._belief, self._biases = self._boarding.before
+            self._stands, self._astray = False, {}
+            self._expect(self._of_friction)
+            self.doubts.forget()
+        if not (self._boarding.changing or before):
+            return False
+        if not self._boarding.changing:  # any more; it has stirred the rope as a tower does
+            self._stirred = 1.0
+            self._rows = [row._replace(variance=self._variance(self.readings[row.sensor])) for row in self._rows]
+        self._belief.mean[rows] = self._points[0, rows]  # of the belief from before
+        self._belief = self._boarding.doubted(rows, self._belief)
+        taken = self._linear(self._rows), [row.sensor for row in self._rows]
+        self._belief = self._boarding.take(*taken, self._belief, self._biases)
+        return True
 
     def _rest_where_believed(self, time: float) -> bool:
         """Restart all members of a standing plant at equilibria in a much different wind, or with other payloads.
@@ -360,14 +393,6 @@ class Follower:
         ]
         return True
 
-    def _doubt_steps(self) -> None:
-        """Add the second-order error of the last correction to the variances of slow quantities."""
-        count, covariance = len(self.slow), self._belief.covariance.copy()
-        moved = self._belief.mean[:count] - self._points[0]
-        curvature = np.array([one.curvature for one in self.slow])
-        covariance[range(count), range(count)] += (curvature * moved) ** 2
-        self._belief = self._belief._replace(covariance=covariance)
-
     def _go_on(self, lasted: float, numbers: FloatArray) -> None:
         """Begin the next window: predict the belief over the last one (s), and blend members to it if all are alike."""
         count, swinging = len(self.slow), len(self._fast)
@@ -380,7 +405,8 @@ class Follower:
         self._rows = []
         if self._ensemble.alike:
             wanted, fast = self._stencil(self._belief), slice(count, count + swinging)
-            self._ensemble.blend(weights_of(self._points, wanted, self._belief.mean[fast] / SIZE))
+            blended, wanted = self._boarding.apart(self._points, wanted, *bounds(self.slow))
+            self._ensemble.blend(weights_of(self._points, blended, self._belief.mean[fast] / SIZE))
             self._points = wanted
             moved = np.eye(decay.size)
             moved[fast, fast] = carried(self._fast, numbers, self._first)
@@ -390,6 +416,8 @@ class Follower:
             mean[:count], mean[fast] = wanted[0], 0.0
             self._belief = Belief(mean, moved @ self._belief.covariance @ moved.T)
             self._change()
+            for row in self._boarding.rows:
+                self._ensemble.load(self.slow[row].payload_of, self._member_points()[:, row])
             self._swing()
             if self._stuck.support:
                 self._hold()
@@ -399,31 +427,18 @@ class Follower:
         self._belief = predict(self._belief, decay, added)
 
     def _hold(self) -> None:
-        """Keep a stuck counterweight at its travel from now on, which is estimated instead of its mass.
-
-        The members with its mass above and below the estimate have their rope tensioned more and less. What they differ
-        by is what each member is moved by to one travel of all, and the two above and below it by more of that.
-        """
+        """Keep a stuck counterweight at its travel from now on, which is estimated instead of its mass."""
         (support, _, tension), self._stuck = self._stuck, Stuck()
         row = next(row for row, one in enumerate(self.slow) if one.name == mass_of(support))
         place = self._layout.places.support_travel[self._layout.support_rows[support]]
-        sides = [1 + 2 * row, 2 + 2 * row]
-        mass, points, travels = self.slow[row], self._points[:, row], self._ensemble.numbers()[:, int(place)]
-        (more, less), (out, back) = points[sides], travels[sides]
-        held = held_at(mass, travels[0], (out - back) / (more - less), tension / self._scenario.gravity)
+        mass, travels, sides = self.slow[row], self._ensemble.numbers()[:, int(place)], (1 + 2 * row, 2 + 2 * row)
+        more = tension / self._scenario.gravity
+        held = hold(self._ensemble, mass, self._points[:, row], travels, sides, more)
         if held is None:
             return
-        wanted = np.full(travels.size, held.mean)
-        wanted[sides] += held.deviation, -held.deviation
-        self._ensemble.blend(weights_along(travels, wanted, *sides))
-        self._ensemble.change({mass.key: float(points[0])})
-        points[:] = wanted[: points.size]
-        mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
-        mean[row], covariance[row], covariance[:, row] = held.mean, 0.0, 0.0
-        covariance[row, row] = held.deviation**2
-        self._belief, self._deviation[row] = Belief(mean, covariance), held.deviation
+        self._belief, self._deviation[row] = reset(self._belief, [row], held.mean, held.deviation), held.deviation
         self._expect(self._of_friction)
-        self._biases.forget(range(mean.size))  # they held for a counterweight that moves
+        self._biases.forget(range(self._belief.mean.size))  # they held for a counterweight that moves
         self.slow = (*self.slow[:row], held, *self.slow[row + 1 :])
         self._held[mass.name] = Estimate(mass.mean, mass.deviation, mass.unit)
         self._change()
@@ -470,25 +485,17 @@ class Follower:
         """Enlarge the variance of a slow quantity whose sudden change explains a window better than any sensor's."""
         if not self._rows:
             return
-        count, numbers = len(self.slow), self._rows[-1].numbers[0]
-        innovation, jacobian, variance = self._linear(self._rows)
-        total = jacobian @ self._belief.covariance @ jacobian.T + np.diag(variance)
-        of_sensors = slice(count + len(self._fast), None)
+        numbers = self._rows[-1].numbers[0]
         sizes = [
             0.0 if one.payload_of and not boards(one, self._scenario, self._layout, numbers) else one.change
             for one in self.slow
         ]
-        wrong = [WRONG * reading.noise for reading in self.readings.values()]
-        effects = np.hstack([jacobian[:, :count], jacobian[:, of_sensors]])
-        rarer = np.repeat([0.0, RARER], [count, len(wrong)])
-        found = best_change(innovation, total, effects, np.array(sizes + wrong), rarer)
-        if found is not None and found.number < count:
-            covariance = self._belief.covariance.copy()
-            covariance[found.number, found.number] += found.size**2
-            self._belief = self._belief._replace(covariance=covariance)
+        wrong = WRONG * np.array([reading.noise for reading in self.readings.values()])
+        self._belief, found = doubted(self._belief, self._linear(self._rows), sizes, wrong, RARER)
+        if found >= 0:
             agreed = self._biases.agreed(self._belief).mean
-            if (name := self.slow[found.number].name) not in self._held:
-                self._departures.changed(self.time, name, float(agreed[found.number]))
+            if (name := self.slow[found].name) not in self._held:
+                self._departures.changed(self.time, name, float(agreed[found]))
 
     def _walk(self, one: Slow, numbers: FloatArray) -> float:
         """Standard deviation of what a slow quantity may change by in a second, by the values (n,) of a frame."""
@@ -535,7 +542,7 @@ class Follower:
         reading = self.readings[sensor]
         return row._replace(sensor=sensor, predicted=reading.of(row.numbers), variance=self._variance(reading))
 
-    def _linear(self, rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _linear(self, rows: Sequence[Row]) -> Terms:
         """Innovation (m,), Jacobian (m, n) and noise variance (m,) of the measurements in rows of a window."""
         count = len(self.slow) + len(self._fast)
         predicted = np.array([row.predicted for row in rows])
@@ -584,13 +591,18 @@ class Follower:
         deviations = np.sqrt(np.diag(belief.covariance)[:count])
         return stencil(belief.mean[:count], np.maximum(deviations, NARROWEST * self._deviation), self.slow)
 
+    def _member_points(self) -> FloatArray:
+        """Stencil points (members, n) of the slow quantities, those of swings at the middle one."""
+        return np.vstack([self._points, np.tile(self._points[0], (len(self._fast), 1))])
+
     def _change(self, rest: bool = False) -> None:
-        """Set the slow quantities of each member to its stencil point, of the swing members to the middle point."""
-        points = np.vstack([self._points, np.tile(self._points[0], (len(self._fast), 1))])
+        """Set the slow quantities of each member to its stencil point; payloads that change are loaded."""
+        points, loaded = self._member_points(), self._boarding.rows
         values = {
             key: [one.value_at(value) for value in points[:, row].tolist()]
             for row, one in enumerate(self.slow)
             for key in (one.key, *one.also)
+            if row not in loaded
         }
         each = {key: [value] * len(points) for key, value in {**stops_of(self._scenario), **self._motion}.items()}
         self._ensemble.change({**values, **each} if rest else values, rest=rest)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cable_twin.mechanics.parameters import FloatArray
+
+Terms = tuple[FloatArray, FloatArray, FloatArray]  # innovation (m,), derivatives (m, n) and variance (m,)
 
 
 class Belief(NamedTuple):
@@ -36,12 +40,38 @@ def update(belief: Belief, innovation: FloatArray, jacobian: FloatArray, varianc
         jacobian: (m, n) derivatives of the predicted values.
         variance: (m,) of the noise.
     """
-    covariance = belief.covariance
-    total = jacobian @ covariance @ jacobian.T + np.diag(variance)
-    gain = np.linalg.solve(total, jacobian @ covariance).T
+    return corrected(belief, innovation, jacobian, variance, gain_of(belief, jacobian, variance))
+
+
+def gain_of(belief: Belief, jacobian: FloatArray, variance: FloatArray) -> FloatArray:
+    """Kalman gain (n, m) of measurements; arguments as of `update`."""
+    total = jacobian @ belief.covariance @ jacobian.T + np.diag(variance)
+    return np.asarray(np.linalg.solve(total, jacobian @ belief.covariance).T, np.float64)
+
+
+def corrected(
+    belief: Belief, innovation: FloatArray, jacobian: FloatArray, variance: FloatArray, gain: FloatArray
+) -> Belief:
+    """Belief after an update with any gain (n, m): zero rows keep quantities whose doubt still counts (Schmidt 1966).
+
+    Args:
+        belief: n quantities.
+        innovation: (m,) measured less predicted values.
+        jacobian: (m, n) derivatives of the predicted values.
+        variance: (m,) of the noise.
+        gain: (n, m) of each quantity by each measurement.
+    """
     left = np.eye(belief.mean.size) - gain @ jacobian
-    after = left @ covariance @ left.T + (gain * variance) @ gain.T
+    after = left @ belief.covariance @ left.T + (gain * variance) @ gain.T
     return Belief(belief.mean + gain @ innovation, 0.5 * (after + after.T))
+
+
+def reset(belief: Belief, rows: Sequence[int], mean: ArrayLike, deviation: ArrayLike) -> Belief:
+    """Belief with some quantities (by row) known anew and apart from all others: a mean and deviation, or one each."""
+    means, covariance = belief.mean.copy(), belief.covariance.copy()
+    means[rows], covariance[rows, :], covariance[:, rows] = mean, 0.0, 0.0
+    covariance[rows, rows] = np.asarray(deviation, dtype=np.float64) ** 2
+    return Belief(means, covariance)
 
 
 def normalised_square(

@@ -20,7 +20,7 @@ from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.biases import WRONG, Biases
 from cable_twin.ensemble.estimate.follower import Correction
-from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
+from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update
 from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, LineStatics
 from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Estimate, Reading, Slow, readings
@@ -49,9 +49,6 @@ SURE = 1e-7  # as that of `follower`
 REACH = 2.0  # m, by which the twin may be from its plant while it follows, and still be where it is
 PLAN = 0.05  # of the capacity, by which a payload may differ from the plan without an alarm
 HIDDEN = 0.012  # of the load at rest: error of the model in the force of a tower
-
-
-Terms = tuple[FloatArray, FloatArray, FloatArray]  # innovation (m,), derivatives (m, n) and variance (m,)
 
 
 class _Sample(NamedTuple):
@@ -462,13 +459,10 @@ class LineFollower:
 
     def _forget(self, rows: Sequence[int]) -> None:
         """Reset the payload estimates of some carriers to their planned payloads."""
-        mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
+        self._belief = reset(self._belief, rows, 0.0, [self._doubt(row) for row in rows])
         for row in rows:
-            mean[row], covariance[row, :], covariance[:, row] = 0.0, 0.0, 0.0
-            covariance[row, row] = self._doubt(row) ** 2
             self._departures.forget(f"{self.carriers[row]}/payload")
         self._biases.forget(rows)
-        self._belief = Belief(mean, covariance)
 
     def _counts(self, sensor: str, snapshot: Snapshot) -> bool:
         """Whether a sensor tells payloads at present: no carrier on the sheaves of its tower, or a steady drive."""

@@ -43,6 +43,14 @@ def loads_went_far(slow: Sequence[Slow], middle: FloatArray, before: Belief, aft
     )
 
 
+def doubt_steps(slow: Sequence[Slow], middle: FloatArray, after: Belief) -> Belief:
+    """Belief with the second-order error of a correction of slow quantities; arguments as of `wind_went_far`."""
+    count, covariance = len(slow), after.covariance.copy()
+    curvature = np.array([one.curvature for one in slow])
+    covariance[range(count), range(count)] += (curvature * (after.mean[:count] - middle)) ** 2
+    return after._replace(covariance=covariance)
+
+
 def any_swing(belief: Belief, first: int, count: int) -> FloatArray:
     """Covariance with larger variances of all swings, `count` from row `first` on, which a change of wind excites."""
     covariance = belief.covariance.copy()

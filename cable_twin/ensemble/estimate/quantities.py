@@ -186,8 +186,22 @@ def _rolling(scenario: Scenario) -> list[Slow]:
     return found
 
 
-def boards(one: Slow, scenario: Scenario, layout: Layout, numbers: FloatArray) -> bool:
-    """Whether a quantity is the payload of a carriage that stands in a station, by the values (n,) of a frame."""
+def payload_places(slow: Sequence[Slow], layout: Layout) -> dict[int, int]:
+    """Place of each payload among some quantities in the numbers of a frame, by its index among them."""
+    rows = {row: layout.vehicle_rows[one.payload_of] for row, one in enumerate(slow) if one.payload_of}
+    return {row: int(layout.places.payload[vehicle]) for row, vehicle in rows.items()}
+
+
+def boards(one: Slow, scenario: Scenario, layout: Layout, numbers: FloatArray, slow: float = SLOW) -> bool:
+    """Whether a quantity is the payload of a carriage that stands in a station, by the values (n,) of a frame.
+
+    Args:
+        one: quantity.
+        scenario: of the twin.
+        layout: of the frame.
+        numbers: (n,) values of the frame.
+        slow: m/s, below which the carriage counts as standing.
+    """
     if not one.payload_of:
         return False
     row, places = layout.vehicle_rows[one.payload_of], layout.places
@@ -196,7 +210,7 @@ def boards(one: Slow, scenario: Scenario, layout: Layout, numbers: FloatArray) -
     length = scenario.cables[scenario.rope_of(carriage)].unstrained_length
     place, speed = float(numbers[places.arc_length[row]]), float(numbers[places.speed[row]])
     near = min(place, length - place) <= (carriage.payload.station_distance or NEAR)
-    return near and abs(speed) <= max(carriage.payload.station_speed, SLOW)
+    return near and abs(speed) <= max(carriage.payload.station_speed, slow)
 
 
 def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> dict[str, Reading]:

@@ -1,0 +1,79 @@
+"""A cabin in a station that people leave: its payload is found anew, and no sensor is left out for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_twin.ensemble.estimate.follower import Follower
+from cable_twin.ensemble.estimate.kalman import Belief, reset
+from cable_twin.frame.records import AppliedCommand, Command
+from cable_twin.frame.sensors import Sensors, standard_sensors
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+COARSE = {"cable.elements": {"target": 20.0, "at_towers": 6.0, "growth": 1.7}}  # for speed
+BEFORE, AFTER = 3000.0, 1000.0  # kg
+BEGINS, ENDS = 8.0, 20.5  # s, of a change with 160 kg/s
+FOUND = ENDS + 20.0  # s
+
+
+@pytest.fixture(scope="module")
+def reload():
+    """Follower of a plant in its upper station whose cabin people leave, and its corrections."""
+    bare = load_scenario("aerial_tramway", COARSE | {"carriages.cabin.arc_length": 1027.0})
+    usual = standard_sensors(bare, Simulation(bare).snapshot)
+    scenario = load_scenario(bare.resolved(), {"sensors": usual})
+    plant = Simulation(load_scenario(scenario.resolved(), {"carriages.cabin.payload.mass": BEFORE}), samples=2)
+    sensors, follower, corrections = Sensors(plant.scenario, plant.layout), Follower(scenario, threads=1), []
+    leave = Command("payload", {"cabin": AFTER})
+    for frame in range(round(FOUND / 0.1) + 1):
+        snapshot = plant.advance_to(round(0.1 * frame, 9))
+        if frame == round(BEGINS / 0.1):
+            plant.apply(leave)
+            follower.command(AppliedCommand(BEGINS, leave, "test"))  # as it is in the bag of a plant
+        measured = sensors.take(snapshot)
+        if (correction := follower.take(snapshot.time, measured) if measured else None) is not None:
+            at_end, carried = np.linalg.norm(snapshot.columns.support_force[1]), snapshot.columns.payload[0]
+            corrections.append((correction, float(at_end), float(carried)))
+    follower.close()
+    return follower, corrections
+
+
+def test_a_reload_leaves_no_sensor_out(reload):
+    follower, corrections = reload
+    assert not follower.left_out
+    reasons = [alarm.reason for one, *_ in corrections for alarm in one.alarms]
+    assert all(reason.startswith("cabin/payload is ") for reason in reasons)
+
+
+def test_the_payload_after_a_reload_is_within_its_band(reload):
+    found = reload[1][-1][0].slow["cabin/payload"]
+    assert abs(found.value - AFTER) < 3.0 * found.deviation < 400.0
+
+
+def test_the_payload_is_within_three_deviations_all_the_time(reload):
+    loading = [(one, true) for one, _, true in reload[1] if one.time > BEGINS + 2.0]
+    assert loading
+    for one, true in loading:
+        found = one.slow["cabin/payload"]
+        assert abs(found.value - true) < 3.0 * found.deviation, one.time
+
+
+def test_the_force_at_the_end_of_the_rope_is_found_after_a_reload(reload):
+    """The tower holds by friction what the payload did to the rope, 11 kN: no rest of the twin would have it."""
+    correction, true, _ = reload[1][-1]
+    assert abs(correction.hidden["end/force"].value - true) < 3e3
+
+
+def test_what_else_was_known_is_kept(reload):
+    corrections = [one for one, *_ in reload[1]]
+    before = [one for one in corrections if one.time < BEGINS][-1].slow
+    for name in ("cabin/rolling", "ice", "start/counterweight"):
+        assert abs(corrections[-1].slow[name].value - before[name].value) < 3.0 * before[name].deviation, name
+
+
+def test_a_quantity_that_is_reset_is_apart_from_all_others():
+    belief = reset(Belief(np.ones(3), np.full((3, 3), 0.5) + np.eye(3)), [1], 4.0, 2.0)
+    np.testing.assert_array_equal(belief.mean, [1.0, 4.0, 1.0])
+    np.testing.assert_array_equal(belief.covariance, [[1.5, 0.0, 0.5], [0.0, 4.0, 0.0], [0.5, 0.0, 1.5]])
