@@ -60,9 +60,14 @@ def sensor_topics(scenario: Scenario) -> tuple[Topic, ...]:
     return tuple(Topic(name, kind) for name, kind in types.items())
 
 
+def plant_name(topic: str) -> str:
+    """Full name of the topic of a plant with the measurements of a relative topic of a twin."""
+    return f"{PLANT}/{topic.removeprefix('sensors/')}"
+
+
 def plant_names(scenario: Scenario) -> dict[str, str]:
     """Full topic names of the sensors of a plant, by the relative names of the twin's sensor topics."""
-    return {topic.name: f"{PLANT}/{topic.name.removeprefix('sensors/')}" for topic in sensor_topics(scenario)}
+    return {topic.name: plant_name(topic.name) for topic in sensor_topics(scenario)}
 
 
 def plant_topics(scenario: Scenario) -> dict[str, Topic]:

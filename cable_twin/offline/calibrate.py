@@ -169,7 +169,7 @@ def prepare(options: argparse.Namespace) -> Job:
     Raises:
         ScenarioError, LogError, EquilibriumError, CalibrationError: a scenario, log or parameter cannot be used.
     """
-    logs = logs_of([*options.logs, *options.validate])
+    logs = logs_of([*options.logs, *options.validate], options.scenario)
     simulation = twin_of(logs[0], options.scenario, dict(options.set))
     scenario, rest = simulation.scenario, simulation.snapshot
     scales = scales_of(scenario, rest)

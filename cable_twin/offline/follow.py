@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -13,19 +13,21 @@ from typing import Any
 from rich.console import Console
 
 from cable_twin.basics.units import NORMAL_95, shown_unit
-from cable_twin.ensemble.estimate.follower import Alarm, Correction
+from cable_twin.ensemble.ensemble import usable_cores
+from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of, unfollowable
 from cable_twin.ensemble.estimate.quantities import Estimate
+from cable_twin.ensemble.estimate.tracker import Tracker
 from cable_twin.frame.records import AppliedCommand, CommandError
 from cable_twin.messages import ESTIMATE, SCENARIO, Topic, nanoseconds, scenario_message
 from cable_twin.messages.figure_messages import estimate_message
 from cable_twin.messages.topics import DiagnosticArray, String
-from cable_twin.offline.following.plant_log import Item, PlantLog, at_rest_with_sensors
+from cable_twin.offline.following.plant_log import Item, PlantLog, at_rest_with_sensors, read_plant_log
 from cable_twin.offline.following.truth import Truth, true_values
 from cable_twin.offline.simulate import run_progress
 from cable_twin.offline.simulate_options import UNUSABLE, add_changes, plots_fault
 from cable_twin.recording.log_file import LogError
-from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.recording.log_reader import Log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
@@ -35,6 +37,7 @@ from cable_twin.terminal.command_line import OneLineParser, number, tell
 MOST_DECIMALS = 6  # of an estimate
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 LONGEST_SILENCE = 60.0  # s, after which the twin says that it goes on by its model
+Progress = tuple[float, Correction | None, list[str]]  # time (s), correction, and lines to print
 EPILOG = """\
 The twin gets the commands of the plant and corrects payloads, rolling friction, wind and counterweights by what its
 sensors measure. It prints the estimates of the end with their bands of 95 %, beside the true values where the bag has
@@ -92,10 +95,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments.error(fault)
     console = Console(stderr=True)
     try:
-        log = read_log(options.log)
+        log = read_plant_log(options.log, options.scenario)
         with start_shown("follow", console):
             simulation = twin_of(log, options.scenario, dict(options.set))
-            follower = follower_of(simulation.scenario)
+            plant = PlantLog(log, simulation.scenario.sensors)
+            tracker = Tracker(simulation.scenario, usable_cores()) if plant.real else None
+            follower = follower_of(simulation.scenario) if tracker is None else tracker.follower
     except UNUSABLE_INPUT as error:
         tell("follow", error)
         return UNUSABLE
@@ -112,7 +117,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     try:
         end = min(log.end, options.duration or math.inf)
-        corrections = _follow(log, follower, run, end, console)
+        corrections = _follow(log, plant, tracker or follower, run, end, console)
     except UNUSABLE_INPUT as error:
         tell("follow", error)
         return UNUSABLE
@@ -144,50 +149,69 @@ def twin_of(log: Log, source: str | None, values: dict[str, Any]) -> Simulation:
     return at_rest_with_sensors(scenario, log)
 
 
-def _follow(log: Log, follower: AnyFollower, run: Run, end: float, console: Console) -> list[Correction]:
+def _follow(
+    log: Log, plant: PlantLog, twin: AnyFollower | Tracker, run: Run, end: float, console: Console
+) -> list[Correction]:
     """Follow a recorded plant to a time (s), show progress and record the estimates; returns all corrections."""
-    scenario = run.simulation.scenario
-    plant = PlantLog(log, scenario.sensors)
-    run.recorder.begin(log.epoch_ns, 0.0, scenario_message(scenario.resolved()))
+    run.recorder.begin(log.epoch_ns, 0.0, scenario_message(run.simulation.scenario.resolved()))
     corrections: list[Correction] = []
-    last = 0.0
-
-    def say(alarm: Alarm) -> None:
-        console.print(f"{alarm.time:.1f} s: {alarm.reason}", highlight=False, markup=False, soft_wrap=True)
-
     with run_progress(console, 0.0, end) as show:
-        for time, group in groupby(plant.items(), key=_time):
-            if time > end:
-                break
-            items = list(group)
-            if time - last > LONGEST_SILENCE:
-                say(Alarm(time, f"nothing from {last:.1f} s on: the twin went on by its model"))
-            last = time
-            for item in items:
-                if isinstance(item, AppliedCommand):
-                    follower.command(item)
-            measured = [item for item in items if not isinstance(item, AppliedCommand)]
-            correction = follower.take(time, measured) if measured else None
+        steps = _as_live(plant, twin, end) if isinstance(twin, Tracker) else _from_rest(plant, twin, end)
+        for time, correction, lines in steps:
             show(time)
+            for line in lines:
+                console.print(line, highlight=False, markup=False, soft_wrap=True)
             if correction is not None:
                 corrections.append(correction)
-                for alarm in correction.alarms:
-                    say(alarm)
-                stamp_ns = log.epoch_ns + nanoseconds(time)
+                stamp_ns = log.epoch_ns + nanoseconds(correction.time)
                 run.recorder.record([(ESTIMATE, _message(correction, stamp_ns))], stamp_ns)
     for line in plant.left_out():
         tell("follow", line)
     if not corrections:
-        raise FollowError(
-            f"{log.path}: given no measurements of {', '.join(follower.readings)}; allowed: a bag of a plant"
-        )
+        raise FollowError(plant.nothing)
     return corrections
+
+
+def _from_rest(plant: PlantLog, follower: AnyFollower, end: float) -> Iterator[Progress]:
+    """Follow a plant that begins as its scenario does."""
+    last = 0.0
+    for time, group in groupby(plant.items(), key=_time):
+        if time > end:
+            break
+        items, lines = list(group), list[str]()
+        if time - last > LONGEST_SILENCE:
+            lines.append(f"{time:.1f} s: nothing from {last:.1f} s on: the twin went on by its model")
+        last = time
+        for item in items:
+            if isinstance(item, AppliedCommand):
+                follower.command(item)
+        measured = [item for item in items if not isinstance(item, AppliedCommand)]
+        correction = follower.take(time, measured) if measured else None
+        yield time, correction, [*lines, *_alarms(correction)]
+
+
+def _as_live(plant: PlantLog, tracker: Tracker, end: float) -> Iterator[Progress]:
+    """Follow a plant of which nothing is known from before, as a twin does that runs beside it."""
+    for time, items in plant.arrivals():
+        if time > end:
+            break
+        tracker.measure([item for item in items if not isinstance(item, AppliedCommand)], time)
+        for item in items:
+            if isinstance(item, AppliedCommand) and item.command.kind == "speed":
+                tracker.command(item.command.values, time)
+        for news in tracker.advance(time):
+            lines = [f"{news.time:.1f} s: {line}" for line in news.lines]
+            yield time, news.correction, [*lines, *_alarms(news.correction)]
+
+
+def _alarms(correction: Correction | None) -> list[str]:
+    """Alarms of a correction, a line each."""
+    return [] if correction is None else [f"{one.time:.1f} s: {one.reason}" for one in correction.alarms]
 
 
 def _message(correction: Correction, stamp_ns: int) -> bytes:
     """Encode the estimates and alarms of a correction as a message with a stamp (ns)."""
-    alarms = [f"{one.time:.1f} s: {one.reason}" for one in correction.alarms]
-    return estimate_message({**correction.slow, **correction.hidden}, alarms, stamp_ns)
+    return estimate_message({**correction.slow, **correction.hidden}, _alarms(correction), stamp_ns)
 
 
 def _time(item: Item) -> float:

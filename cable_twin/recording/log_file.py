@@ -63,6 +63,10 @@ class LogError(ValueError):
     """Error of a file that is not a readable log of this package: one line with the file and the reason."""
 
 
+class ForeignError(LogError):
+    """Error of a bag that another program has made: it has messages, but no metadata of this package."""
+
+
 class _Piece(NamedTuple):
     """Chunk of an MCAP log file: its unpacked data, or the reason of its loss."""
 
@@ -108,6 +112,11 @@ class LogFile:
     def names(self) -> TopicNames:
         """Full names of the topics in a log file."""
         return TopicNames.of(self.metadata)
+
+    @property
+    def topics(self) -> set[str]:
+        """Topics that the log file declares, by their names in the table of topics where they are of this package."""
+        return {self.names.own(channel.topic) for channel in self.declared()[0].values()}
 
     @property
     def starts_from_snapshot(self) -> bool:
@@ -314,6 +323,23 @@ def open_file(path: Path) -> LogFile:
     return LogFile(path, metadata, int(metadata["epoch_ns"]))
 
 
+def open_foreign(path: Path) -> LogFile:
+    """Open one MCAP file of a bag of another program; its time zero is the stamp of its first message.
+
+    Raises:
+        LogError: the file has no message that can be read.
+    """
+    file = LogFile(path, {}, 0)
+    channels, _ = file.declared()
+    names = {id_: channel.topic for id_, channel in channels.items()}
+    with _open(path) as stream:
+        for piece in file._pieces(stream, None):
+            with suppress(*UNREADABLE):
+                for _, stamp_ns, _ in chunk_messages(piece.data, names):
+                    return LogFile(path, {}, stamp_ns)
+    raise LogError(f"{path}: empty: no message was written")
+
+
 def _check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
     """Refuse a bag with metadata that do not belong to a run.
 
@@ -393,7 +419,7 @@ def _metadata(file: Path, stream: IO[bytes]) -> dict[str, str]:
         fault = one_line(error)
     if fault:
         raise LogError(f"{file}: not a bag, or empty: {fault}")
-    raise LogError(f"{file}: not a bag made by cable_twin: no metadata record {METADATA_NAME!r}")
+    raise ForeignError(f"{file}: not a bag made by cable_twin: no metadata record {METADATA_NAME!r}")
 
 
 def _attached(stream: IO[bytes], index: Index | None) -> bytes:

@@ -8,7 +8,7 @@ frames, usually one a second, these come from the topic `cable`, in single preci
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,7 +30,7 @@ from cable_twin.messages import (
 )
 from cable_twin.messages.columns import COLUMNS, Row, RowDecoder
 from cable_twin.messages.command_messages import applied_command_from_message
-from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, file_number, one_line, open_file
+from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, file_number, one_line, open_file, open_foreign
 from cable_twin.scenario import ScenarioError, load_scenario
 
 STAMPS_APART = 1e-3  # s that a command may lie from the stamp of its message: they are one, but for rounding
@@ -69,6 +69,11 @@ class Log:
     def snapshot(self) -> bytes | None:
         """Full state from which the log starts; None where it starts from the start of its scenario."""
         return self.files[0].snapshot()
+
+    @cached_property
+    def topics(self) -> frozenset[str]:
+        """Topics that the files of the log declare, by names as of `messages`."""
+        return frozenset().union(*(file.topics for file in self.files))
 
     @property
     def complete(self) -> bool:
@@ -196,6 +201,19 @@ def read_log(path: Path | str) -> Log:
         else:
             return Log(path if len(found) > 1 else found[0], tuple(files), scenario, tuple(lost))
     raise faults[0]
+
+
+def read_foreign(path: Path | str) -> Log:
+    """Open a bag of another program, such as `ros2 bag record`: a directory or one .mcap; its scenario is empty.
+
+    Raises:
+        LogError: the file does not exist, or has no message.
+    """
+    path = Path(path)
+    found = _find(path)
+    files = [open_foreign(file) for file in found]
+    first = files[0].epoch_ns
+    return Log(path if len(found) > 1 else found[0], tuple(replace(file, epoch_ns=first) for file in files), {})
 
 
 def _find(path: Path) -> list[Path]:

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from cable_twin.ensemble.estimate.quantities import Reading
 from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.offline.calibration.parameters import CalibrationError
-from cable_twin.offline.following.plant_log import PlantLog, at_rest_with_sensors, check_same_parts
-from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.offline.following.plant_log import PlantLog, at_rest_with_sensors, check_same_parts, read_plant_log
+from cable_twin.recording.log_reader import Log
 from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
 
+ELSEWHERE = 1.0  # m, by which a real plant may begin elsewhere than its twin
 SHORTEST = 5.0  # s, of a log
 SILENCE = 10.0  # s without a measurement, which is told
 STRETCH, OUT_OF = 10.0, 5  # s, and one of how many is held out
@@ -55,23 +56,24 @@ class Package(NamedTuple):
         return self._replace(series=tuple(one for one in series if one.times.size), end=min(self.end, seconds))
 
 
-def logs_of(paths: Sequence[Path]) -> list[Log]:
-    """Open the logs of a calibration and check that all are of one scenario.
+def logs_of(paths: Sequence[Path], scenario: str | None = None) -> list[Log]:
+    """Open the logs of a calibration and check that all are of one scenario: given, or that of the logs.
 
     Raises:
         LogError: a log cannot be read.
         CalibrationError: a log begins in the middle of a run, or two logs are of different scenarios.
     """
-    logs = [read_log(path) for path in paths]
+    logs = [read_plant_log(path, scenario) for path in paths]
     for log in logs:
         if log.snapshot is not None or log.files[0].number != 0:
             raise CalibrationError(f"{log.path}: begins in the middle of a run; allowed: logs from a start at rest")
-    first = _without_sensors(logs[0].scenario)
-    for log in logs[1:]:
+    own = [log for log in logs if log.scenario]  # of this package
+    first = _without_sensors(own[0].scenario) if own else {}
+    for log in own[1:]:
         for key, *values in differences(first, _without_sensors(log.scenario)):
             one, other = ("a section" if isinstance(value, Mapping | list) else repr(value) for value in values)
             raise CalibrationError(
-                f"{log.path}: {key}: given {other}, in {logs[0].path} {one}; allowed: logs of one scenario"
+                f"{log.path}: {key}: given {other}, in {own[0].path} {one}; allowed: logs of one scenario"
             )
     return logs
 
@@ -121,7 +123,7 @@ def package(
 
     Raises:
         LogError: a message is not of this plant.
-        CalibrationError: the log has no measurements, or too few.
+        CalibrationError: the log has no measurements, or too few, or begins elsewhere than the twin.
     """
     plant, commands = PlantLog(log, scenario.sensors), []
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in readings}
@@ -140,10 +142,7 @@ def package(
         say(f"{log.path}: {count} measurements of {name}, an inertial sensor, are left out")
     times = sorted({time for rows in found.values() for time, _ in rows})
     if not times:
-        raise CalibrationError(
-            f"{log.path}: given no measurements of {', '.join(readings) or 'any sensor'}; allowed: a log of `plant`, "
-            "or of a twin with sensors"
-        )
+        raise CalibrationError(plant.nothing)
     if times[-1] < SHORTEST:
         raise CalibrationError(f"{log.path}: length: given {times[-1]:.3g} s; allowed: {SHORTEST:g} s or more")
     for before, after in pairwise([0.0, *times]):
@@ -154,11 +153,24 @@ def package(
         if not rows:
             say(f"{log.path}: nothing of sensor {name}")
             continue
+        if plant.real and scenario.sensors[name].kind == "encoder":
+            _check_start(log, scenario, name, min(rows)[1])
         own = dict(rows)  # of two samples of one time the last
         when = np.array(sorted(own))
         apart = np.full(when.size, held) if held else (when // STRETCH).astype(int) % OUT_OF == OUT_OF - 1
         series.append(Series(name, when, np.array([own[time] for time in when.tolist()]), apart))
     return Package(log.path, tuple(commands), tuple(series), times[-1])
+
+
+def _check_start(log: Log, scenario: Scenario, sensor: str, place: float) -> None:
+    """Raise an error if a real plant begins with an encoder elsewhere than its twin, at a place (m)."""
+    of = scenario.sensors[sensor].of
+    own = scenario.carriages[of].arc_length if of in scenario.carriages else 0.0
+    if abs(place - own) > ELSEWHERE:
+        how = f"; --set carriages.{of}.arc_length={place:.2f} begins there" if of in scenario.carriages else ""
+        raise CalibrationError(
+            f"{log.path}: {sensor}: given {place:.2f} m at first; allowed: {own:g} m, where the twin begins{how}"
+        )
 
 
 def fingerprint(packages: Sequence[Package], *more: object) -> str:

@@ -30,7 +30,7 @@ class Truth(NamedTuple):
 
 
 def true_values(log: Log, follower: AnyFollower, last: Correction, twin: Scenario) -> dict[str, Truth]:
-    """True values of estimated quantities, by name; none where the frames of the log are not those of the plant.
+    """True values of estimated quantities, by name; none where the log has no frames of the plant.
 
     Args:
         log: Of the plant; one with estimates was recorded by another twin.
@@ -41,7 +41,7 @@ def true_values(log: Log, follower: AnyFollower, last: Correction, twin: Scenari
     Raises:
         LogError: A message is unreadable.
     """
-    if next(iter(log.messages([ESTIMATE])), None) is not None:
+    if not log.scenario or next(iter(log.messages([ESTIMATE])), None) is not None:
         return {}
     plant, names = load_scenario(log.scenario), {*last.slow, *last.hidden}
     series: dict[str, Series] = {}

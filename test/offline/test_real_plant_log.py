@@ -1,0 +1,104 @@
+"""Bags of a real plant, with /plant/... topics alone: what `follow` and `calibrate` read from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+
+from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.sensors import standard_sensors
+from cable_twin.messages import SECOND, FrameNames, JointState, header, nanoseconds, serialize
+from cable_twin.messages.sensor_messages import SensorOutput, plant_name, sensor_topic
+from cable_twin.offline import calibrate, follow
+from cable_twin.offline.calibration.data import CalibrationError, package
+from cable_twin.offline.following.plant_log import PlantLog, read_plant_log
+from cable_twin.recording.log_file import LogError
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+NAME = "aerial_tramway"
+COARSE = {"cable.elements": {"target": 20.0, "at_towers": 6.0, "growth": 1.7}}  # for speed
+BEGAN = 1_800_000_000 * SECOND  # ns since 1970
+DURATION = 6.0  # s
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    bare = load_scenario(NAME, COARSE)
+    return load_scenario(NAME, {**COARSE, "sensors": standard_sensors(bare, Simulation(bare).snapshot)})
+
+
+@pytest.fixture(scope="module")
+def bag(scenario, tmp_path_factory):
+    """Bag as of `ros2 bag record`: a plant that stands, and is told so ten times a second."""
+    path = tmp_path_factory.mktemp("plant") / "recorded_0.mcap"
+    plant = Simulation(scenario, samples=2)
+    output = SensorOutput(scenario, plant.layout, FrameNames())
+    messages = []
+    for frame in range(round(DURATION / 0.1) + 1):
+        stamp = BEGAN + nanoseconds(0.1 * frame)
+        still = JointState(header(stamp, "x"), ["cabin"], np.empty(0), np.zeros(1), np.empty(0))
+        snapshot = plant.advance_to(round(0.1 * frame, 9))
+        own = [(plant_name(topic), data) for topic, data in output.messages(snapshot, BEGAN)]
+        messages += [(topic, stamp, data) for topic, data in [*own, ("/plant/joint_commands", serialize(still))]]
+    write(path, messages)
+    return path
+
+
+def write(path, messages):
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = {topic: writer.register_channel(topic, "cdr", 0) for topic, *_ in messages}
+        for topic, stamp, data in messages:
+            writer.add_message(channels[topic], stamp, data, stamp)
+        writer.finish()
+
+
+def test_measurements_and_commands_of_a_real_plant_are_read(scenario, bag):
+    plant = PlantLog(read_plant_log(bag.parent, NAME), scenario.sensors)
+    items = [*plant.items()]
+    commands = [one for one in items if isinstance(one, AppliedCommand)]
+    measured = [one for one in items if not isinstance(one, AppliedCommand)]
+    assert plant.real
+    assert [(one.command.kind, one.command.values) for one in commands] == [("speed", {"cabin": 0.0})]  # once
+    assert {one.sensor for one in measured} == {*scenario.sensors}
+    assert all(0.0 <= one.time <= DURATION for one in measured)
+    assert len(measured) > 0.8 * len(scenario.sensors) * 10.0 * DURATION
+
+
+def test_without_a_scenario_such_a_bag_is_refused_with_the_way_out(bag):
+    with pytest.raises(LogError, match=r"with --scenario the topics /plant/\.\.\. of any bag are read"):
+        read_plant_log(bag, None)
+
+
+def test_a_bag_without_topics_of_a_plant_is_refused_by_their_names(scenario, bag, tmp_path):
+    path = tmp_path / "other_0.mcap"
+    write(path, [("/elsewhere", BEGAN, b"\0\1\0\0")])
+    said = PlantLog(read_plant_log(path, NAME), scenario.sensors).nothing
+    assert "/plant/joint_states" in said
+    assert "\n" not in said
+
+
+def test_a_twin_follows_a_real_plant_from_where_it_is(bag, tmp_path, capfd):
+    options = [str(bag), "--scenario", NAME, "--output", str(tmp_path)]
+    for key, value in COARSE["cable.elements"].items():
+        options += ["--set", f"cable.elements.{key}={value}"]
+    assert follow.main(options) == follow.DONE
+    out, said = capfd.readouterr()
+    assert "cabin/payload" in out
+    assert "follows the plant from" in said
+
+
+def test_a_calibration_begins_where_its_plant_does(scenario, bag):
+    log = read_plant_log(bag, NAME)
+    elsewhere = load_scenario(scenario.resolved(), {"carriages.cabin.arc_length": 40.0})
+    readings = calibrate.readings(scenario, Simulation(scenario).layout, dict.fromkeys(("start", "end", "tower"), 1e6))
+    assert package(log, scenario, readings, print).series
+    with pytest.raises(CalibrationError, match=r"encoder_cabin: given 12\.0. m at first; allowed: 40 m"):
+        package(log, elsewhere, readings, print)
+
+
+def test_topics_of_a_plant_are_those_of_a_twin_elsewhere(scenario):
+    assert plant_name(sensor_topic(scenario.sensors["load_end"])) == "/plant/supports/end/force"
