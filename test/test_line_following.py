@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cable_twin.ensemble.estimate.kalman import Belief
 from cable_twin.ensemble.estimate.line_follower import FIRST_ICE, FastErrors, LineFollower
 from cable_twin.ensemble.estimate.line_statics import LineStatics
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
@@ -98,6 +99,45 @@ def followed(under_way, changed):
         correction = follower.take(time, [changed(one) for one in found if one.time == time])
         alarms += [] if correction is None else correction.alarms
     return follower, alarms
+
+
+def test_forces_of_a_lift_that_stops_while_its_twin_goes_on_tell_nothing(under_way):
+    """In an emergency stop of the plant they are those of brakes and waves, which looked like negative friction."""
+    scenario, found, _ = under_way
+    places = {one.time: one.values[0] for one in found if one.sensor == "encoder_haul_rope"}
+    stops = min(time for time in places if time > 3.0)
+    follower, innovations = LineFollower(scenario), {}
+    follower.begin_at(0.0, {"haul_rope": (GONE, SPEED)})
+    for time in sorted({one.time for one in found}):
+        slower = time > stops
+        group = [
+            replace(one, values=(places[stops] + 0.5 * (one.values[0] - places[stops]), 0.5 * SPEED))
+            if slower and one.sensor == "encoder_haul_rope"
+            else one
+            for one in found
+            if one.time == time
+        ]
+        if (correction := follower.take(time, group)) is not None:
+            innovations[correction.time] = correction.innovation
+    assert not follower.left_out
+    assert all(innovations[time] != 1.0 for time in innovations if 1.5 < time < stops)
+    assert {innovations[time] for time in innovations if time > stops + 2.0} == {1.0}  # none was taken
+
+
+def test_what_is_told_of_a_lift_is_possible(under_way):
+    """No friction or ice below 0, and payloads of 0 to the capacity; what goes with them moves along."""
+    follower = LineFollower(under_way[0])
+    count, covariance = len(follower.carriers), follower._belief.covariance.copy()
+    both = np.sqrt(np.diag(covariance))
+    covariance[count + 1, 0] = covariance[0, count + 1] = 0.5 * both[0] * both[count + 1]
+    mean = np.zeros(covariance.shape[0])
+    mean[0], mean[1], mean[count] = -5000.0, 5000.0, -1.5  # kg of two chairs, and friction
+    told = follower._slow(follower._possible(Belief(mean, covariance)))
+    assert told[f"{follower.carriers[0]}/payload"].value == pytest.approx(0.0, abs=1e-9)
+    assert told[f"{follower.carriers[1]}/payload"].value == pytest.approx(follower._capacity)
+    assert told["towers/friction"].value == 0.0
+    assert told["ropes/ice"].value > 0.0
+    assert told["towers/friction"].deviation == pytest.approx(covariance[count, count] ** 0.5)
 
 
 def test_a_lift_that_is_found_farther_on_has_its_payloads_but_of_chairs_that_passed_a_station(for_a_while):

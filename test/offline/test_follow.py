@@ -350,6 +350,17 @@ def test_estimates_are_without_the_doubt_of_the_next_window(measured):
     assert believed.covariance[0, 0] - said**2 == pytest.approx((BOARDING * capacity) ** 2 * correction.time, rel=1e-6)
 
 
+def test_the_force_of_a_drive_with_the_other_sign_is_named_before_any_payload_is_told(measured):
+    def turned(one):
+        return replace(one, values=(-one.values[0],)) if one.sensor == "force_cabin" else one
+
+    follower, corrections = followed(measured, turned, 4.5)
+    reasons = [alarm.reason for one in corrections for alarm in one.alarms]
+    assert reasons[0] == "sensor force_cabin reads the negative of what is expected: sign? It is left out"
+    assert not any(reason.startswith("cabin/payload is 0 ") for reason in reasons)
+    assert [*follower.left_out] == ["force_cabin"]
+
+
 def test_swapped_sensors_are_named(measured):
     to = {"load_end": "load_tower", "load_tower": "load_end"}
     follower, corrections = followed(measured, lambda one: replace(one, sensor=to.get(one.sensor, one.sensor)), 9.5)

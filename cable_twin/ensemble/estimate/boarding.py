@@ -30,12 +30,13 @@ class Boarding:
 
     Args:
         deviations: (k,) standard deviations of the slow quantities, the first ones of a belief, at first.
-        swings: rows of the swings in a belief, which boarding may excite.
+        swings: number of the swings, the next ones, which boarding may excite.
         loads: place of each payload in the numbers of a frame, by row of the quantity.
     """
 
-    def __init__(self, deviations: FloatArray, swings: range, loads: Mapping[int, int]) -> None:
-        self._deviations, self._swings, self._loads = deviations, swings, loads
+    def __init__(self, deviations: FloatArray, swings: int, loads: Mapping[int, int]) -> None:
+        self._deviations, self._loads = deviations, loads
+        self._swings = range(deviations.size, deviations.size + swings)
         self.changing, self._settled, self._agreed = False, False, False
         self._rows: list[int] = []
         self._carried = self._loaded = np.zeros(0)  # kg, by the members now, and since the last window

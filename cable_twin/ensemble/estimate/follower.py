@@ -48,7 +48,7 @@ from cable_twin.ensemble.estimate.quantities import (
 from cable_twin.ensemble.estimate.scatter import SLOWER, Scatter, excuse
 from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts
 from cable_twin.ensemble.estimate.swings import ANY_SWING, PRIOR, SIZE, anchored, carried, growth, swings
-from cable_twin.ensemble.estimate.windows import Row, contradiction, drive_at_fault, stuck_by
+from cable_twin.ensemble.estimate.windows import Row, contradiction, fault_of, stuck_by
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Layout
@@ -129,8 +129,7 @@ class Follower:
         cells = [(name, one.of) for name, one in scenario.sensors.items() if one.kind == "load_cell"]
         self._biases = Biases({name: WRONG_CELL * scale[of] for name, of in cells}, mean.size, recent=0)
         self._biases.expect(dict(zip(self.readings, errors.tolist(), strict=True)))
-        loads = payload_places(self.slow, self._layout)
-        self._boarding = Boarding(self._deviation, range(len(self.slow), len(self.slow) + len(self._fast)), loads)
+        self._boarding = Boarding(self._deviation, len(self._fast), payload_places(self.slow, self._layout))
         self._points, self._at_tower, self._stirred = self._stencil(self._belief), False, 0.0
         self._motion: dict[str, Any] = {}  # places and speeds of vehicles at the last beginning, by key
         self._change(rest=True)
@@ -237,7 +236,8 @@ class Follower:
         self._advance(time)
         numbers = self._ensemble.numbers()
         unlike = self._at_tower or bool(self._astray) or self._boarding.stirs
-        self._alarms += self.doubts.of_samples(time, measurements, numbers[0], unlike)
+        self._alarms += self.doubts.of_samples(time, measurements, numbers, unlike, self._stands)
+        self._rows = [row for row in self._rows if row.sensor not in self.left_out]
         then, before = self._before or (time, numbers[0])
         rates = np.abs(numbers[0] - before) / max(time - then, 1e-3)
         self._before = time, numbers[0].copy()
@@ -460,7 +460,7 @@ class Follower:
         self._doubt_what_changed()
         of, contradicting = self._contradicting()
         stuck = stuck_by(self._scenario, of, self._held) if contradicting == PLANT else Stuck()
-        reason = stuck.reason or drive_at_fault(self._scenario, self.readings, of.get(contradicting, []))
+        reason = stuck.reason or fault_of(self._scenario, self.readings, of.get(contradicting, []))
         told = self.doubts.judge(time, contradicting, reason)
         alarms += told
         self._astray = {}

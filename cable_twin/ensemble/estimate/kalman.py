@@ -74,6 +74,20 @@ def reset(belief: Belief, rows: Sequence[int], mean: ArrayLike, deviation: Array
     return Belief(means, covariance)
 
 
+def within(belief: Belief, least: FloatArray, most: FloatArray) -> Belief:
+    """Belief whose first k means are brought within bounds (k,), and all others along; deviations stay.
+
+    It is for what is told: a filter that went on with it would take a bound for a measurement in each window.
+    """
+    mean, rows = belief.mean.copy(), range(least.size)
+    for row in rows:
+        apart = float(np.clip(mean[row], least[row], most[row]) - mean[row])
+        if apart and belief.covariance[row, row] > 0.0:
+            mean += belief.covariance[row] * (apart / belief.covariance[row, row])
+    mean[: least.size] = np.clip(mean[: least.size], least, most)
+    return belief._replace(mean=mean)
+
+
 def normalised_square(
     innovation: FloatArray, jacobian: FloatArray, variance: FloatArray, covariance: FloatArray
 ) -> float:

@@ -20,7 +20,7 @@ from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.biases import WRONG, Biases
 from cable_twin.ensemble.estimate.follower import Correction
-from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update
+from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update, within
 from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, LineStatics
 from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Estimate, Reading, Slow, readings
@@ -46,6 +46,7 @@ REMEMBERED, SUDDEN = 15.0, 9.0  # windows over which fast errors are averaged, a
 NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves: its load is left out
 STARTING = 0.05  # m/s^2, of the drive, from which on it is left out: what it moves is not known so well
 SURE = 1e-7  # as that of `follower`
+UNLIKE, CALMS = 0.15, 10.0  # m/s between drives of plant and twin, and s after it, in which forces are left out
 REACH = 2.0  # m, by which the twin may be from its plant while it follows, and still be where it is
 PLAN = 0.05  # of the capacity, by which a payload may differ from the plan without an alarm
 HIDDEN = 0.012  # of the load at rest: error of the model in the force of a tower
@@ -196,6 +197,8 @@ class LineFollower:
         self._since, self._speed = 0.0, (0.0, 0.0)
         self._departures, self._waves = Departures(), LineWaves()
         self._alarms: list[Alarm] = []  # of this window
+        self._places_of: dict[str, deque[tuple[float, float, float]]] = {}  # time, place, speed of the twin, by encoder
+        self._unlike_until = -np.inf  # s, until when forces are not compared
         self._fastest = max(one.speed for one in command_limits(scenario).values())  # m/s
         self._followed: _Followed | None = None  # as of the last window in which the twin was where the plant was
 
@@ -242,6 +245,7 @@ class LineFollower:
         self._plan = snapshot.columns.payload[self._rows].copy()
         self._forget(np.flatnonzero(~aboard).tolist())
         self._zero, self._since, self._sums, self._speed = time, time, {}, (0.0, 0.0)
+        self._places_of.clear()
         self.doubts.forget()
 
     def _aboard(self, time: float, snapshot: Snapshot) -> NDArray[np.bool_]:
@@ -300,10 +304,11 @@ class LineFollower:
         snapshot = self._advance(time)
         self._exchange(snapshot)
         numbers = snapshot.numbers[None, :]
+        self._note_motion(time, snapshot, measurements)
         alarms = self.doubts.of_samples(time, measurements, snapshot.numbers)
         for one in measurements:
             sensor = self.doubts.taken(one.sensor)
-            if not sensor or not self._counts(sensor, snapshot):
+            if time < self._unlike_until or not sensor or not self._counts(sensor, snapshot):
                 continue
             reading, row = self.readings[sensor], self._effects(sensor, snapshot)
             sample = _Sample(reading.measured(one), float(reading.of(numbers)[0]), row)
@@ -316,6 +321,25 @@ class LineFollower:
         self._note_followed(time, snapshot, measurements)
         return correction
 
+    def _note_motion(self, time: float, snapshot: Snapshot, measurements: Sequence[Measurement]) -> None:
+        """Leave out all forces for some seconds where a drive of the plant moves otherwise than that of the twin.
+
+        In its emergency stop they are those of brakes and waves, which tell nothing of payloads and friction.
+        """
+        for one in measurements:
+            if one.sensor not in self._encoders or one.sensor in self.left_out:
+                continue
+            places = self._places_of.setdefault(one.sensor, deque())
+            own = float(snapshot.columns.drive_speed[snapshot.layout.drive_rows[self._of[one.sensor]]])
+            places.append((one.time, one.values[0], own))
+            while one.time - places[0][0] > WINDOW:
+                places.popleft()
+            lasted = one.time - places[0][0]
+            if lasted > 0.5 * WINDOW:
+                speed = (one.values[0] - places[0][1]) / lasted
+                if abs(speed - float(np.mean([twin for *_, twin in places]))) > UNLIKE:
+                    self._unlike_until, self._sums = time + CALMS, {}
+
     def _advance(self, time: float) -> Snapshot:
         return self._twin.advance_to(max(time - self._zero, self._twin.time))
 
@@ -323,9 +347,9 @@ class LineFollower:
         """Correct payloads, friction and ice by the mean values of the sensors in a window."""
         found = {name: _mean(samples) for name, samples in self._sums.items() if len(samples) > 2}
         innovation = self._update(time, found, alarms)
-        believed = self._biases.believed(self._belief)  # of this window, before the doubt of the next one
+        believed = self._possible(self._biases.believed(self._belief))  # before the doubt of the next window
         slow, hidden = self._slow(believed), self._hidden(snapshot, believed)
-        agreed = self._slow(self._biases.agreed(self._belief))
+        agreed = self._slow(self._possible(self._biases.agreed(self._belief)))
         alarms += self._departures.alarms(time, slow, self._expected(), agreed)
         self._drift(time - self._since)
         self._since, self._sums = time, {}
@@ -417,6 +441,12 @@ class LineFollower:
             },
             **{name: Expected(one.value, one.tolerance, may_change=False) for name, one in self._commons.items()},
         }
+
+    def _possible(self, belief: Belief) -> Belief:
+        """Belief with payloads of 0 to the capacity, and no friction or ice below 0."""
+        shared = np.array([one.value for one in self._commons.values()])
+        most = np.concatenate([self._capacity - self._plan, np.full(shared.size, np.inf)])
+        return within(belief, -np.concatenate([self._plan, shared]), most)
 
     def _slow(self, belief: Belief) -> dict[str, Estimate]:
         deviations, mean = np.sqrt(np.diag(belief.covariance)), belief.mean

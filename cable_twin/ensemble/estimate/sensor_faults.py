@@ -24,6 +24,7 @@ LARGEST_LEAP = 20.0  # m, from which on the plant itself is taken to be elsewher
 UNIT_SAMPLES = 5  # of another unit, one after the other: one alone may be near 0 by chance
 SUDDEN = 1.0  # m/s, from which no drive stops within a sample
 WELL_ABOVE = 30.0  # times its noise, from which on a prediction tells the unit of a sensor
+SURELY = 2.0 / 3.0  # of the expected value in all members, from which on its sign is sure: three deviations off
 LOST = 0.1  # share of the force of a drive, from which on its sensor is not the only one that may be at fault
 
 
@@ -61,6 +62,11 @@ def fault_of_drive(reading: Reading, drive: str, got: float, wanted: float) -> s
     )
 
 
+def negative(reading: Reading) -> str:
+    """Message about a sensor whose sign is the other one."""
+    return f"sensor {reading.name} reads the negative of what is expected: sign? It is left out"
+
+
 class Doubts:
     """Detector of faulty sensors of a plant: stuck, jumping, of another unit, swapped, or contradicting the others.
 
@@ -80,6 +86,7 @@ class Doubts:
         self._leaps = {name: Leaps(one.noise) for name, one in readings.items() if one.unit == "m"}
         self._away: dict[str, list[float]] = {}  # m, of samples one after the other, from where each encoder may be
         self._of_other_units: dict[str, int] = {}  # count of samples one after the other
+        self._negatives: dict[str, int] = {}  # the same with the other sign
         self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
         self.left_out: dict[str, Alarm] = {}
 
@@ -117,18 +124,25 @@ class Doubts:
             jumps.smallest = ROUGHER * SMALLEST
 
     def of_samples(
-        self, time: float, measurements: Sequence[Measurement], numbers: FloatArray, unlike: bool = False
+        self,
+        time: float,
+        measurements: Sequence[Measurement],
+        numbers: FloatArray,
+        unlike: bool = False,
+        stands: bool = False,
     ) -> list[Alarm]:
         """Alarms for sensors that are stuck, jump or have a wrong unit, and which are then left out.
 
         Args:
             time: s.
             measurements: of that time.
-            numbers: (n,) frame of the twin.
+            numbers: (n,) frame of the twin, or (members, n) frames, the first one that of the estimate.
             unlike: whether the plant moves otherwise than its twin, as at a tower; no jump is told then.
+            stands: whether nothing has moved yet, so that the force of a drive has the sign of the slope.
         """
         known = [one for one in measurements if one.sensor in self._readings]
-        alarms = self._stuck(time, known, numbers) + self._of_another_unit(time, known, numbers)
+        alarms, numbers = self._negative(time, known, numbers) if stands else [], np.atleast_2d(numbers)[0]
+        alarms += self._stuck(time, known, numbers) + self._of_another_unit(time, known, numbers)
         alarms += self._leapt(time, known)
         if unlike:
             self._forget_places()
@@ -233,6 +247,20 @@ class Doubts:
             if size := self._jumps[sensor].note(time, apart):
                 text = f"sensor {one.sensor} has jumped by {with_unit(size, 'm', 2)} and is left out"
                 alarms.append(self.leave_out(one.sensor, time, text))
+        return alarms
+
+    def _negative(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
+        """Alarms for drive forces with the other sign than in all members (members, n), surely of one sign."""
+        alarms = []
+        for one, reading in self._read(measurements):
+            if reading.unit != "N" or reading.places.size > 1:
+                continue
+            wanted = reading.of(numbers)
+            sure = float(np.min(wanted / wanted[0])) > SURELY and abs(wanted[0]) > WELL_ABOVE * reading.noise
+            odd = sure and one.values[0] / wanted[0] < -LOST
+            self._negatives[one.sensor] = self._negatives.get(one.sensor, 0) + 1 if odd else 0
+            if self._negatives[one.sensor] == UNIT_SAMPLES:
+                alarms.append(self.leave_out(one.sensor, time, negative(reading)))
         return alarms
 
     def _bears_nothing(self, reading: Reading, size: float, numbers: FloatArray) -> bool:

@@ -9,9 +9,11 @@ import numpy as np
 
 from cable_twin.ensemble.estimate.counterweights import Stuck, stuck_counterweight
 from cable_twin.ensemble.estimate.quantities import Reading
-from cable_twin.ensemble.estimate.sensor_faults import fault_of_drive
+from cable_twin.ensemble.estimate.sensor_faults import fault_of_drive, negative
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
+
+SEEN, ALIKE = 3.0, 0.5  # times the noise, that a value has to be, and share of it by which its negative may be wrong
 
 
 class Row(NamedTuple):
@@ -33,12 +35,28 @@ def stuck_by(scenario: Scenario, of: Mapping[str, Sequence[Row]], held: Containe
     return stuck_counterweight(scenario, apart, sure, held)
 
 
-def drive_at_fault(scenario: Scenario, readings: Mapping[str, Reading], rows: Sequence[Row]) -> str:
+def fault_of(scenario: Scenario, readings: Mapping[str, Reading], rows: Sequence[Row]) -> str:
+    """Message about a fault of a sensor or its drive that explains its rows; empty for none."""
+    return _wrong_sign(readings, rows) or _drive_at_fault(scenario, readings, rows)
+
+
+def _drive_at_fault(scenario: Scenario, readings: Mapping[str, Reading], rows: Sequence[Row]) -> str:
     """Message about a drive whose force is not the predicted one, by its sensor's rows; empty for none."""
     if not rows or (sensor := scenario.sensors[rows[0].sensor]).kind != "drive_force":
         return ""
     got, wanted = (float(np.mean(of)) for of in zip(*((row.value, row.predicted[0]) for row in rows), strict=True))
     return fault_of_drive(readings[rows[0].sensor], sensor.of, got, wanted)
+
+
+def _wrong_sign(readings: Mapping[str, Reading], rows: Sequence[Row]) -> str:
+    """Message about a sensor that reads the negative of what is expected, by its rows; empty for none."""
+    if not rows or (reading := readings[rows[0].sensor]).places.size > 1:
+        return ""
+    got, wanted = (np.array(of) for of in zip(*((row.value, row.predicted[0]) for row in rows), strict=True))
+    size = float(np.sqrt(np.mean(wanted**2)))
+    if size < SEEN * reading.noise or float(np.sqrt(np.mean((got + wanted) ** 2))) > ALIKE * size:
+        return ""
+    return negative(reading)
 
 
 def contradiction(readings: Mapping[str, Reading], of: Mapping[str, Sequence[Row]]) -> dict[str, float]:
@@ -55,4 +73,4 @@ def _apart(rows: Sequence[Row]) -> float:
     return float(np.mean([row.value - row.predicted[0] for row in rows]))
 
 
-__all__ = ["Row", "contradiction", "drive_at_fault", "stuck_by"]
+__all__ = ["Row", "contradiction", "fault_of", "stuck_by"]
