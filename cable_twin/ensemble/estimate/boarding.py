@@ -113,6 +113,7 @@ class Boarding:
             self.changing, self._carried, self._loaded = True, belief.mean[rows], np.zeros(len(rows))
         elif self.changing and not moved and len(self._seen) == WINDOWS:
             self.changing, self._settled = False, True
+            self._known.clear()
         return begins
 
     @property

@@ -432,8 +432,7 @@ class Follower:
         row = next(row for row, one in enumerate(self.slow) if one.name == mass_of(support))
         place = self._layout.places.support_travel[self._layout.support_rows[support]]
         mass, travels, sides = self.slow[row], self._ensemble.numbers()[:, int(place)], (1 + 2 * row, 2 + 2 * row)
-        more = tension / self._scenario.gravity
-        held = hold(self._ensemble, mass, self._points[:, row], travels, sides, more)
+        held = hold(self._ensemble, mass, self._points[:, row], travels, sides, tension / self._scenario.gravity)
         if held is None:
             return
         self._belief, self._deviation[row] = reset(self._belief, [row], held.mean, held.deviation), held.deviation
@@ -445,6 +444,7 @@ class Follower:
         self._astray, self._stirred = {}, 1.0
         self.doubts.forget()
         self.doubts.expect_waves()
+        self._boarding.forget()
 
     def _swing(self) -> None:
         """Rotate bodies in the last members, each by the unit swing of one angle or rate."""

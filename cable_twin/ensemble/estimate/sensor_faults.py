@@ -256,7 +256,7 @@ class Doubts:
             if reading.unit != "N" or reading.places.size > 1:
                 continue
             wanted = reading.of(numbers)
-            sure = float(np.min(wanted / wanted[0])) > SURELY and abs(wanted[0]) > WELL_ABOVE * reading.noise
+            sure = abs(wanted[0]) > WELL_ABOVE * reading.noise and float(np.min(wanted / wanted[0])) > SURELY
             odd = sure and one.values[0] / wanted[0] < -LOST
             self._negatives[one.sensor] = self._negatives.get(one.sensor, 0) + 1 if odd else 0
             if self._negatives[one.sensor] == UNIT_SAMPLES:
