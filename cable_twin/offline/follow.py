@@ -168,7 +168,7 @@ def _follow(
     for line in plant.left_out():
         tell("follow", line)
     if not corrections:
-        raise FollowError(plant.nothing)
+        raise FollowError(plant.nothing((twin.follower if isinstance(twin, Tracker) else twin).readings))
     return corrections
 
 

@@ -76,7 +76,7 @@ def test_without_a_scenario_such_a_bag_is_refused_with_the_way_out(bag):
 def test_a_bag_without_topics_of_a_plant_is_refused_by_their_names(scenario, bag, tmp_path):
     path = tmp_path / "other_0.mcap"
     write(path, [("/elsewhere", BEGAN, b"\0\1\0\0")])
-    said = PlantLog(read_plant_log(path, NAME), scenario.sensors).nothing
+    said = PlantLog(read_plant_log(path, NAME), scenario.sensors).nothing(scenario.sensors)
     assert "/plant/joint_states" in said
     assert "\n" not in said
 

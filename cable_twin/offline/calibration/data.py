@@ -142,7 +142,7 @@ def package(
         say(f"{log.path}: {count} measurements of {name}, an inertial sensor, are left out")
     times = sorted({time for rows in found.values() for time, _ in rows})
     if not times:
-        raise CalibrationError(plant.nothing)
+        raise CalibrationError(plant.nothing(readings))
     if times[-1] < SHORTEST:
         raise CalibrationError(f"{log.path}: length: given {times[-1]:.3g} s; allowed: {SHORTEST:g} s or more")
     for before, after in pairwise([0.0, *times]):

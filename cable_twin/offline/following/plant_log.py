@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from itertools import count
 from pathlib import Path
 
@@ -99,13 +99,12 @@ class PlantLog:
         self._topics = of_plant if self.real else {topic: topic for topic in (*topics, APPLIED_COMMANDS)}
         self.invalid = self.late = 0
 
-    @property
-    def nothing(self) -> str:
-        """Reason, in a line, why the log has no measurements."""
-        sensors = ", ".join(self._sensors) or "any sensor"
+    def nothing(self, readings: Collection[str]) -> str:
+        """Reason, in a line, why the log has no measurements of the sensors that are read, by name."""
+        sensors = ", ".join(readings) or "any sensor"
         topics = ", ".join(plant_name(topic) for topic in dict.fromkeys(map(sensor_topic, self._sensors.values())))
         return (
-            f"{self._log.path}: given no measurements of {sensors}; allowed: a bag of `plant`, of a twin with sensors, "
+            f"{self._log.path}: given no measurements of {sensors}; allowed: a log of `plant`, of a twin with sensors, "
             f"or with {topics}"
         )
 
