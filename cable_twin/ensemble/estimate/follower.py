@@ -26,7 +26,7 @@ from cable_twin.ensemble.estimate.boarding import Boarding
 from cable_twin.ensemble.estimate.changes import doubted
 from cable_twin.ensemble.estimate.counterweights import Stuck, hold, mass_of, stops_of
 from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update
-from cable_twin.ensemble.estimate.linear_range import any_swing, doubt_steps, loads_went_far, wind_went_far
+from cable_twin.ensemble.estimate.linear_range import any_swing, doubt_steps, loads_went_far, slopes, wind_went_far
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
     NEAR,
@@ -262,7 +262,6 @@ class Follower:
         if lasted < window - 1e-6 or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
             return None
         alarms, self._alarms = self._alarms, []
-        self._rows = [row for row in self._rows if self.doubts.taken(row.sensor)]  # some are left out since
         correction = self._correct(time, numbers, alarms)
         self.doubts.corrected(numbers[0], self._ensemble.numbers()[0])
         return correction
@@ -547,7 +546,7 @@ class Follower:
         count = len(self.slow) + len(self._fast)
         predicted = np.array([row.predicted for row in rows])
         jacobian = np.zeros((len(rows), self._belief.mean.size))
-        jacobian[:, :count] = self._slopes(predicted)
+        jacobian[:, :count] = slopes(self._points, predicted)
         if self._at_tower:
             jacobian[:, : len(self.slow)] = 0.0
         columns = [count + self._rows_of[row.sensor] for row in rows]
@@ -555,14 +554,6 @@ class Follower:
         innovation = np.array([row.value for row in rows]) - predicted[:, 0] - jacobian @ self._pending(self._belief)
         others = {row.sensor: SLOWER**2 * self._unexplained(self.readings[row.sensor].unit, row.sensor) for row in rows}
         return innovation, jacobian, np.array([row.variance + others[row.sensor] for row in rows])
-
-    def _slopes(self, predicted: FloatArray) -> FloatArray:
-        """Jacobian (m, n) of predicted measurements by slow quantities and swings: differences of (m, members)."""
-        number, first = np.arange(len(self.slow)), self._first
-        apart = self._points[1 + 2 * number, number] - self._points[2 + 2 * number, number]
-        slow = (predicted[:, 1:first:2] - predicted[:, 2:first:2]) / apart
-        fast = (predicted[:, first:] - predicted[:, :1]) / SIZE
-        return np.hstack([slow, fast])
 
     def _pending(self, belief: Belief) -> FloatArray:
         """Differences (n,) of a belief from the quantities of the middle member."""
@@ -578,10 +569,10 @@ class Follower:
         for one in self.hidden:
             rows = numbers[:, one.places]
             values = rows[:, 0] if one.places.size == 1 else np.linalg.norm(rows, axis=1)
-            slopes = self._slopes(values[None, :])[0]
-            value = float(values[0] + slopes @ shift)
+            by_each = slopes(self._points, values[None, :])[0]
+            value = float(values[0] + by_each @ shift)
             errors = one.errors.scaled(max(abs(value), LEAST_FORCE) if one.unit == "N" else 1.0)
-            variance = slopes @ covariance @ slopes + errors.variance(self._stirred, self._at_tower)
+            variance = by_each @ covariance @ by_each + errors.variance(self._stirred, self._at_tower)
             variance += self._unexplained(one.unit) + self._astray.get(one.unit, 0.0)
             found[one.name] = Estimate(value, float(np.sqrt(variance)), one.unit)
         return found

@@ -8,6 +8,7 @@ import numpy as np
 
 from cable_twin.ensemble.estimate.kalman import Belief
 from cable_twin.ensemble.estimate.quantities import OF_SQUARE, Slow, bounds
+from cable_twin.ensemble.estimate.swings import SIZE
 from cable_twin.mechanics.parameters import FloatArray
 
 FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
@@ -63,3 +64,17 @@ def _moved(slow: Sequence[Slow], middle: FloatArray, before: Belief, after: Beli
     """Distances (n,) of the estimates from the middle member, and standard deviations (n,) before the correction."""
     found = np.clip(after.mean[: len(slow)], *bounds(slow))
     return np.abs(found - middle), np.sqrt(np.diag(before.covariance)[: len(slow)])
+
+
+def slopes(points: FloatArray, predicted: FloatArray) -> FloatArray:
+    """Jacobian (m, n) of predicted measurements by slow quantities and swings, as differences between members.
+
+    Args:
+        points: (1 + 2 quantities, quantities) of the middle member and of two for each slow quantity.
+        predicted: (m, members) measurements of these members, and of one for each swing of a size of `SIZE`.
+    """
+    number, first = np.arange(points.shape[1]), len(points)
+    apart = points[1 + 2 * number, number] - points[2 + 2 * number, number]
+    slow = (predicted[:, 1:first:2] - predicted[:, 2:first:2]) / apart
+    fast = (predicted[:, first:] - predicted[:, :1]) / SIZE
+    return np.hstack([slow, fast])
