@@ -144,7 +144,9 @@ class Course(NamedTuple):
         return float(np.interp(time, self.times, self.places))
 
 
-def run_dynamic(scenario: Scenario, dynamic: Dynamic, ranges: RangeCollector) -> tuple[list[KeyFigure], str]:
+def run_dynamic(
+    scenario: Scenario, dynamic: Dynamic, ranges: RangeCollector | None = None
+) -> tuple[list[KeyFigure], str]:
     """Key figures of a load case in motion, or of the worst stops within it, and the reason of an early end.
 
     The `time` of a figure has the place (m) of the vehicle, as in a line at rest; its `place` has the time.
@@ -152,7 +154,7 @@ def run_dynamic(scenario: Scenario, dynamic: Dynamic, ranges: RangeCollector) ->
     Args:
         scenario: of the case.
         dynamic: its run.
-        ranges: takes the frames from which the figures are.
+        ranges: takes the frames from which the figures are; None: nothing does.
 
     Raises:
         EquilibriumError: the case has no equilibrium to begin at.
@@ -214,13 +216,13 @@ class StopSearch(Search):
         scenario: of the case.
         dynamic: its run.
         stop: range and key figures of the search.
-        ranges: takes the frames after each stop.
+        ranges: takes the frames after each stop; None: nothing does.
 
     Attributes:
         fault: reason of an early end of a run; empty for none.
     """
 
-    def __init__(self, scenario: Scenario, dynamic: Dynamic, stop: Stop, ranges: RangeCollector) -> None:
+    def __init__(self, scenario: Scenario, dynamic: Dynamic, stop: Stop, ranges: RangeCollector | None = None) -> None:
         self._scenario, self._script, self._stop, self._ranges = scenario, dynamic.script, stop, ranges
         self._simulation = Simulation(scenario, on_demand=True)
         frame = max(round(FRAME / self._simulation.step), 1) * self._simulation.step
