@@ -279,7 +279,13 @@ def test_a_look_at_points_leaves_out_those_without_a_rest(bags, tmp_path):
 
 @pytest.mark.long
 def test_half_a_payload_is_found_from_the_full_one_with_the_right_stiffness(tmp_path):
-    """From 6400 kg the search ends first with half of the stiffness, at residuals of 3 standard deviations."""
+    """From 6400 kg the search ends first with half of the stiffness, at residuals of 3 standard deviations.
+
+    So it does with contact points of the saddle 1 m apart, which shake the cabin; with close ones the first search
+    finds the truth.
+    """
+    mesh = "cable.elements={target: 30.0, at_towers: 1.5, growth: 2.5}"
+    rough = ["--set", mesh, "--set", "towers.tower.contacts=25", "--set", "towers.tower.stiffness=0.4e6"]
     truth = {PAYLOAD: 2500.0, "cable.axial_stiffness": 520e6, "cable.mass_per_length": 24.6}
     script = tmp_path / "trip.yaml"
     script.write_text(
@@ -288,11 +294,12 @@ def test_half_a_payload_is_found_from_the_full_one_with_the_right_stiffness(tmp_
         encoding="utf-8",
     )
     values = [part for key, value in truth.items() for part in ("--set", f"{key}={value}")]
-    command = ["aerial_tramway", *values, "--script", str(script), "--duration", "100", "--log", str(tmp_path / "bag")]
-    assert plant.main(command) == 0
+    command = ["aerial_tramway", *rough, *values, "--script", str(script), "--duration", "100"]
+    assert plant.main([*command, "--log", str(tmp_path / "bag")]) == 0
     (bag,) = (tmp_path / "bag").iterdir()
     keys = ",".join([*truth, DAMPING, ROLLING, MASS])
-    assert main([str(bag), "--scenario", "aerial_tramway", "--free", keys, "--output", str(tmp_path / "out")]) == 0
+    command = [str(bag), "--scenario", "aerial_tramway", *rough, "--free", keys]
+    assert main([*command, "--output", str(tmp_path / "out")]) == 0
     found = json.loads((tmp_path / "out" / "calibration.json").read_text())
     for one in found["parameters"]:
         if one["key"] in truth:
