@@ -6,37 +6,11 @@ import warnings
 from cable_twin.offline.check import refined
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from verification.supports import on_saddle
 
 STIFFNESS = 2e5  # N/m
-LINE = {  # a rope bent by 0.1 rad over a saddle of 0.06 rad, and a vehicle on its top
-    "cable": {
-        "unstrained_length": 199.75,
-        "mass_per_length": 1.0,
-        "axial_stiffness": 400e6,
-        "bending_stiffness": 10.0,
-        "elements": {"target": 10.0, "at_towers": 0.1, "growth": 1.5},
-        "start": {"position": [0.0, 0.0]},
-        "end": {"position": [200.0, 0.0]},
-    },
-    "towers": {
-        "saddle": {
-            "position": [100.0, 5.0],
-            "kind": "saddle",
-            "friction": 0.0,
-            "length": 24.0,
-            "radius": 400.0,
-            "contacts": 25,
-            "stiffness": STIFFNESS,
-        }
-    },
-    "carriages": {
-        "load": {
-            "arc_length": 99.875,
-            "joint": "sliding",
-            "bodies": {"body": {"mass": 2000.0, "inertia": 100.0, "upper_pivot": [0.0, 1.0]}},
-        }
-    },
-}
+LINE = on_saddle(1.0)
+LINE["carriages"]["load"]["joint"] = "sliding"
 
 
 def start(changes):

@@ -142,7 +142,7 @@ def test_a_twin_that_goes_on_alone_doubts_forces_and_swing():
     def said(force):
         return Correction(0.0, {}, {"end": Estimate(force, 3.0, "N"), "pitch": Estimate(0.0, 1e-3, "rad")}, 1.0, ())
 
-    at_once, later = (doubted(said(104.0), said(100.0), silent, 0.5).hidden for silent in (0.1, 60.0))
+    at_once, later = (doubted(said(104.0), said(100.0), silent, 0.5 / 9.81).hidden for silent in (0.1, 60.0))
     assert at_once["end"].deviation == pytest.approx(5.0)
     assert later["pitch"].deviation == pytest.approx(0.5 / 9.81, rel=0.01)
     assert at_once["pitch"].deviation < 0.1 * later["pitch"].deviation

@@ -41,6 +41,7 @@ TRAMWAY: dict[str, Any] = {
     "towers": {"tower": {"position": [500.0, 80.0], "kind": "saddle", "contacts": 13, "length": 24.0, "radius": 40.0}},
     "solver": {"step": 0.005},
 }
+BUMP, ROUND, BEDDING = 2e4, 400.0, 2e5  # N, m and N/m per m: a load, radius and stiffness of a saddle
 CABIN: dict[str, Any] = {
     "arc_length": 300.0,
     "drive": {"mode": "speed", "limits": {"acceleration": 0.3}},
@@ -120,61 +121,56 @@ def frictionless_saddle() -> Iterator[Result]:
     yield Result("tension after the saddle less that before, share", "-", 0.0, float(after / before - 1.0), 5e-5)
 
 
+def on_saddle(pitch: float, along: float = 0.0, dim: int = 2) -> dict[str, Any]:
+    """Scenario of a load held on a saddle on a taut rope.
+
+    Args:
+        pitch: m, between contact points, which have the same stiffness per length.
+        along: m, of the load from the point at the top.
+        dim: 2 in a plane, 3 in space.
+    """
+    aside = [0.0] * (dim - 2)
+    body = {"mass": BUMP / GRAVITY, "inertia": 100.0, "upper_pivot": [0.0, *aside, 1.0]}
+    return {
+        **({"space": 3} if dim == 3 else {}),
+        "cable": {
+            "unstrained_length": 199.75,
+            "mass_per_length": 1.0,
+            "axial_stiffness": 400e6,
+            "bending_stiffness": 10.0,
+            "elements": {"target": 10.0, "at_towers": 0.1, "growth": 1.5},
+            "start": {"position": [0.0, *aside, 0.0]},
+            "end": {"position": [200.0, *aside, 0.0]},
+        },
+        "towers": {
+            "saddle": {
+                "position": [100.0, *aside, 5.0],
+                "kind": "saddle",
+                "friction": 0.0,
+                "length": 24.0,
+                "radius": ROUND,
+                "contacts": round(24.0 / pitch) + 1,
+                "stiffness": BEDDING * pitch,
+            }
+        },
+        # the middle of the rope, and its stretch
+        "carriages": {"load": {"arc_length": 99.875 + along / 1.00257, "joint": "fixed", "bodies": {"body": body}}},
+    }
+
+
 @case("load on the contact points of a saddle", "string on springs k at distances a: F a/4T, less what they yield")
 def bumps_of_a_saddle() -> Iterator[Result]:
     """How much higher a load stands on a contact point than between two, for points 1 and 0.5 m apart of equal k/a."""
-    load, radius, per_length = 2e4, 400.0, 2e5
-    for dim in (2, 3):
-        aside = [0.0] * (dim - 2)
-        for pitch in (1.0, 0.5):
-            places, tension = [], 0.0
-            for along in (0.0, 0.5 * pitch):
-                scenario: dict[str, Any] = {
-                    **({"space": 3} if dim == 3 else {}),
-                    "cable": {
-                        "unstrained_length": 199.75,
-                        "mass_per_length": 1.0,
-                        "axial_stiffness": 400e6,
-                        "bending_stiffness": 10.0,
-                        "elements": {"target": 10.0, "at_towers": 0.1, "growth": 1.5},
-                        "start": {"position": [0.0, *aside, 0.0]},
-                        "end": {"position": [200.0, *aside, 0.0]},
-                    },
-                    "towers": {
-                        "saddle": {
-                            "position": [100.0, *aside, 5.0],
-                            "kind": "saddle",
-                            "friction": 0.0,
-                            "length": 24.0,
-                            "radius": radius,
-                            "contacts": round(24.0 / pitch) + 1,
-                            "stiffness": per_length * pitch,
-                        }
-                    },
-                    "carriages": {
-                        "load": {
-                            "arc_length": 99.875 + along / 1.00257,  # its top, and the stretch of the rope
-                            "joint": "fixed",
-                            "bodies": {
-                                "body": {
-                                    "mass": load / GRAVITY,
-                                    "inertia": 100.0,
-                                    "upper_pivot": [0.0, *aside, 1.0],
-                                }
-                            },
-                        }
-                    },
-                }
-                snapshot = Simulation(load_scenario(scenario)).snapshot
-                places.append(snapshot.vehicles.position[0])
-                tension = float(snapshot.cable.tensions.min())
-            (x, _, on), (beside_x, _, between) = places
-            falls = ((beside_x - x) ** 2 + 0.25 * pitch**2) / (2.0 * radius)  # the circle, and its chord below it
-            h = np.sqrt(per_length * pitch**2 / tension)
-            root_h = h * np.sqrt(1.0 + 0.25 * h * h)
-            sinks = load * pitch / tension * (0.25 + 0.5 / (root_h + 0.5 * h * h) - 0.5 / root_h)
-            name = f"{'in space' if dim == 3 else 'in a plane'}, points {pitch:g} m apart: bump"
-            yield Result(name, "m", float(sinks), float(on - between - falls), 0.03 * float(sinks))
+    for dim, pitch in ((2, 1.0), (2, 0.5), (3, 1.0), (3, 0.5)):
+        top, aside = (Simulation(load_scenario(on_saddle(pitch, way, dim))).snapshot for way in (0.0, 0.5 * pitch))
+        (x, _, on), (beside_x, _, between) = (one.vehicles.position[0] for one in (top, aside))
+        tension = float(aside.cable.tensions.min())
+        falls = ((beside_x - x) ** 2 + 0.25 * pitch**2) / (2.0 * ROUND)  # the circle, and its chord below it
+        h = np.sqrt(BEDDING * pitch**2 / tension)
+        root_h = h * np.sqrt(1.0 + 0.25 * h * h)
+        sinks = BUMP * pitch / tension * (0.25 + 0.5 / (root_h + 0.5 * h * h) - 0.5 / root_h)
+        name = f"{'in space' if dim == 3 else 'in a plane'}, points {pitch:g} m apart: bump"
+        yield Result(name, "m", float(sinks), float(on - between - falls), 0.03 * float(sinks))
 
 
 @case("all weight is on the supports", "Newton: at rest forces balance")

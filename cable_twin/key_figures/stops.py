@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.key_figures.figure import KeyFigure, Subject, figure
+from cable_twin.key_figures.figure import KeyFigure, Subject, as_statistic, figure
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.vehicles import Carriage
 
@@ -86,13 +86,10 @@ class WorstStops:
 
     Distance and time are the longest ones. The mean deceleration is that of the longest distance; of several stops the
     highest and the lowest one are kept beside it.
-
-    Args:
-        subject: subject of the figures.
     """
 
-    def __init__(self, subject: Subject) -> None:
-        self._subject, self._kind, self._count = subject, NO_STOP, 0
+    def __init__(self) -> None:
+        self._kind, self._count = NO_STOP, 0
         self._found: dict[tuple[str, str], KeyFigure] = {}  # by quantity and statistic
 
     def add(self, kind: str, figures: Iterable[KeyFigure]) -> None:
@@ -109,7 +106,7 @@ class WorstStops:
             if longest:
                 self._found[quantity, "mean"] = one
             for statistic, sense in (("highest", 1.0), ("lowest", -1.0)):
-                self._renew(figure(quantity, self._subject, statistic, one.value, one.time, one.place), sense)
+                self._renew(as_statistic(one, statistic), sense)
 
     def figures(self, kind: str = NO_STOP, so_far: Iterable[KeyFigure] = ()) -> list[KeyFigure]:
         """Key figures of the stops that count, with those so far of a stop of a kind that is under way."""
@@ -154,7 +151,7 @@ class DriveStops:
     ) -> None:
         self._subjects, self._motion, self._on_bullwheels = subjects, motion, on_bullwheels
         self._braking: dict[str, Stop] = {}  # under way
-        self._worst = {name: WorstStops(subject) for name, subject in subjects.items()}  # of those that are over
+        self._worst = {name: WorstStops() for name in subjects}  # of those that are over
         self._standing: dict[str, float] = {}  # s, of the standstill of what stands after a stop
         self._restarts: dict[str, tuple[float, float]] = {}  # s, shortest delay of a restart, and its time
         self._time = nan  # s, of the last frame
@@ -329,7 +326,7 @@ class CarriedStops:
         self._start = np.zeros(len(rows))  # m/s at the command
         self._way = np.zeros(len(rows))  # m since then
         self._end = np.full(len(rows), nan)  # s, of the standstill
-        self._worst = {subject: WorstStops(subject) for subject, _ in self._travel.groups}  # of those that are over
+        self._worst = {subject: WorstStops() for subject, _ in self._travel.groups}  # of those that are over
 
     def update(self, snapshot: Snapshot) -> None:
         """Update the stops of vehicles by one snapshot, in order of time."""

@@ -17,9 +17,9 @@ from cable_twin.messages import SECOND, Topic
 from cable_twin.messages.command_messages import command_from_message
 from cable_twin.messages.sensor_messages import PLANT, JointState, measurements_from_message, plant_topics
 from cable_twin.ros.endpoints import message_class
-from cable_twin.runtime.following import COMMANDS, EmergencyStops, LiveFollowing, Pursuit, unfollowable
+from cable_twin.runtime.following import COMMANDS, EmergencyStops, LiveFollowing, pursuit_of, unfollowable
 from cable_twin.runtime.frame_loop import FrameLoop
-from cable_twin.scenario import Scenario, ScenarioError, command_limits, load_scenario
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 
 SOURCE = "plant"  # of commands
@@ -73,9 +73,7 @@ class PlantSubscriber:
         self._stamp_ns, self._record = stamp_ns, record
         self._sensors = scenario.sensors
         spacing = {} if scenario.carriers is None else dict.fromkeys(scenario.drives, scenario.spacing)
-        most = {name: one.speed for name, one in command_limits(scenario).items()}
-        noise = {one.of: one.noise for one in scenario.sensors.values() if one.kind == "encoder"}
-        self._pursuit, self._stops = Pursuit(most, spacing, noise), EmergencyStops(scenario)
+        self._pursuit, self._stops = pursuit_of(scenario, spacing), EmergencyStops(scenario)
         self._late = 0.0  # s, by which stamps of the plant are behind our clock
         self._known = plant_topics(scenario)
         self._commands = Topic(f"{PLANT}/{JOINT_COMMANDS}", JointState.__msgtype__)

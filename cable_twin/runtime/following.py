@@ -16,7 +16,7 @@ from typing import IO, NamedTuple
 
 from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops
 from cable_twin.ensemble.estimate.followers import unfollowable
-from cable_twin.ensemble.estimate.pursuit import Pursuit
+from cable_twin.ensemble.estimate.pursuit import pursuit_of
 from cable_twin.ensemble.estimate.tracker import ALONE, BEHIND, FOLLOWING, SILENT
 from cable_twin.runtime.companion import AGAIN, GLANCE, Companion, receive, send
 from cable_twin.scenario import Scenario
@@ -151,4 +151,4 @@ class LiveFollowing(Companion):
             self._publish(answer.message)
 
 
-__all__ = ["COMMANDS", "Arrival", "EmergencyStops", "Estimated", "LiveFollowing", "Pursuit", "unfollowable"]
+__all__ = ["COMMANDS", "Arrival", "EmergencyStops", "Estimated", "LiveFollowing", "pursuit_of", "unfollowable"]

@@ -60,9 +60,8 @@ class PointToPoint:
             allowed = "the highest speed of the trip, in m/s, as its drive has no limit"
             raise ValueError(f"speed of '{name}': given nothing; allowed: {allowed}")
         self.name, self.target, self.fastest = name, target, fastest
-        slowing = limits.acceleration if limits.deceleration is None else limits.deceleration
         self._gaining = SHARE * limits.acceleration
-        self._slowing = SHARE * min(limits.acceleration, slowing)
+        self._slowing = SHARE * min(limits.acceleration, limits.service_deceleration)
         self._landing = LANDING + (0.0 if limits.jerk is None else self._slowing / limits.jerk)
         elastic = drive is None and scenario.carriages[name].drive.haul_rope is not None
         self._filter_time = STRETCHING if elastic else STIFF

@@ -95,7 +95,7 @@ def warn_of_saddles(scenario: Scenario, rope: CableSamples) -> None:
     """Warn of contact points of saddles so far apart that vehicles on them rise and sink, which no real saddle does.
 
     A load F on a rope under the tension T, borne by points of stiffness k at distances a, sinks by F a / (4 T) more
-    between two of them than on one: k a / (8 T) of its mean depth F √(a / k T) / 2 up and as much down, beside 1.
+    between two of them than on one: it rises and sinks by the share k a / (8 T) of its mean depth, F √(a / k T) / 2.
     """
     tension = float(rope.tensions.min())
     if tension <= 0.0 or all(vehicle.joint == "fixed" for vehicle in scenario.vehicles.values()):

@@ -39,7 +39,7 @@ class Stop(NamedTuple):
 def decelerations(scenario: Scenario, name: str) -> tuple[float, float]:
     """Decelerations (m/s^2) of a service stop and of an emergency stop of a carriage or drive by name."""
     one = scenario.drives[name] if name in scenario.drives else scenario.carriages[name].drive
-    return one.limits.deceleration or one.limits.acceleration, one.limits.emergency_deceleration
+    return one.limits.service_deceleration, one.limits.emergency_deceleration
 
 
 class EmergencyStops:

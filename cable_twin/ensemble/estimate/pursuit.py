@@ -9,6 +9,7 @@ import numpy as np
 
 from cable_twin.ensemble.estimate.emergency_stops import Stop
 from cable_twin.ensemble.estimate.leaps import Leaps
+from cable_twin.scenario import Scenario, command_limits
 
 FRESH = 0.6  # s, for which a command of the plant, or a measured place, holds
 SELDOM = 3.0  # times the usual time between two places, for which one holds where that is longer
@@ -208,3 +209,10 @@ class Pursuit:
         speed = given if abs(speed - given) < CHANGED else speed
         self._given[name] = time, speed
         return speed
+
+
+def pursuit_of(scenario: Scenario, period: Mapping[str, float] | None = None) -> Pursuit:
+    """Pursuit by the drives and encoders of a scenario; `period` as of `Pursuit`."""
+    most = {name: one.speed for name, one in command_limits(scenario).items()}
+    noise = {one.of: one.noise for one in scenario.sensors.values() if one.kind == "encoder"}
+    return Pursuit(most, period, noise)

@@ -10,7 +10,6 @@ from cable_twin.frame.sensors import Measurement
 
 QUIET, SELDOM = 3.0, 5.0  # s without a sample, and times the longest time between its samples, from which one is silent
 SWINGING = 5.0  # s of silence, after which a carriage may swing as one whose drive has stopped
-GRAVITY = 9.81  # m/s^2
 
 
 class Silences:
@@ -45,7 +44,7 @@ class Silences:
         return lines
 
 
-def doubted(alone: Correction, followed: Correction | None, silent: float, deceleration: float) -> Correction:
+def doubted(alone: Correction, followed: Correction | None, silent: float, stopping: float) -> Correction:
     """Estimates of a twin that goes on alone, with the doubt whether the plant has stopped meanwhile.
 
     A force may still be what it was when the plant fell silent, and a body may swing by the angle of a pendulum whose
@@ -55,9 +54,9 @@ def doubted(alone: Correction, followed: Correction | None, silent: float, decel
         alone: what the twin says by its model.
         followed: what it said last while it followed.
         silent: s since the last sample.
-        deceleration: m/s^2, of a stop.
+        stopping: deceleration of a stop over gravity.
     """
-    swing = min(silent / SWINGING, 1.0) * deceleration / GRAVITY
+    swing = min(silent / SWINGING, 1.0) * stopping
     before = {} if followed is None else followed.hidden
 
     def widened(name: str, one: Estimate) -> Estimate:

@@ -12,7 +12,7 @@ from cable_twin.ensemble.estimate.arrivals import HORIZON, Arrivals, Item
 from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops, Stop, decelerations
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of
-from cable_twin.ensemble.estimate.pursuit import Pursuit
+from cable_twin.ensemble.estimate.pursuit import pursuit_of
 from cable_twin.ensemble.estimate.silences import Silences, doubted
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.sensors import Measurement
@@ -62,9 +62,9 @@ class Tracker:
         self.follower, self.arrivals, self.state = follower, Arrivals(), WAITING
         self._most = {name: one.speed for name, one in command_limits(scenario).items()}
         self.sensors = scenario.sensors
-        noise = {one.of: one.noise for one in scenario.sensors.values() if one.kind == "encoder"}
-        self._pursuit, self._stops = Pursuit(self._most, noise=noise), EmergencyStops(scenario)
-        self._deceleration = max((decelerations(scenario, name)[0] for name in self._most), default=0.0)  # m/s^2
+        self._pursuit, self._stops = pursuit_of(scenario), EmergencyStops(scenario)
+        slowing = max((decelerations(scenario, name)[0] for name in self._most), default=0.0)
+        self._stopping = slowing / scenario.gravity if scenario.gravity else 0.0  # deceleration of a stop over gravity
         self._stop: Stop | None = None  # of the plant, until its time comes for the twin
         self._bringing = False  # whether the twin is brought to a plant that has moved on while the twin had stopped
         self._brought = 0.0  # s, until when at least
@@ -340,7 +340,7 @@ class Tracker:
             correction = self.follower.take(time, [])
             if correction is not None:
                 silent = time - self.arrivals.newest
-                yield News(time, doubted(correction, self._followed, silent, self._deceleration), ())
+                yield News(time, doubted(correction, self._followed, silent, self._stopping), ())
 
 
 def _time(item: Item) -> float:

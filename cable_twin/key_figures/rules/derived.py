@@ -227,6 +227,5 @@ def _of_line(scenario: Scenario, subjects: Subjects, found: Found) -> Iterator[K
         if not scenario.drives and one.joint == "sliding"
     }
     for key, (name, limits) in drives.items():
-        slowing = limits.acceleration if limits.deceleration is None else limits.deceleration
         yield _setting("drive_acceleration", Subject(key, name), "lowest", limits.acceleration)
-        yield _setting("drive_deceleration", Subject(key, name), "lowest", slowing)
+        yield _setting("drive_deceleration", Subject(key, name), "lowest", limits.service_deceleration)

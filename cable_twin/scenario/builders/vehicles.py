@@ -106,7 +106,7 @@ def build_carriages(scenario: Scenario) -> parameters.Carriages:
 def build_limits(limits: list[Limits]) -> parameters.DriveLimits:
     """Build the limits of drives; a service stop decelerates as the drive accelerates by default."""
     given = columns(parameters.DriveLimits, Limits, limits)
-    slowing = floats([limit.deceleration or limit.acceleration for limit in limits])
+    slowing = floats([limit.service_deceleration for limit in limits])
     return parameters.DriveLimits(**given | {"deceleration": slowing})
 
 

@@ -35,6 +35,11 @@ class Limits(Section):
     )
     emergency_deceleration: float = quantity("m/s^2", "deceleration of an emergency stop", 1.5, gt=0)
 
+    @property
+    def service_deceleration(self) -> float:
+        """Deceleration (m/s^2) of a service stop, by default as the acceleration."""
+        return self.acceleration if self.deceleration is None else self.deceleration
+
 
 class HaulRope(Section):
     """Haul rope between a drive in a station and a carriage."""
