@@ -7,7 +7,7 @@ inextensible rope that is λ·r_x = |r_x| f_t, the last row of the paper's eq. 1
 
 from __future__ import annotations
 
-from math import sqrt
+from math import copysign, sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.rotations import no_turn
@@ -196,19 +196,21 @@ def update_load_nodes(system, state):
         number = state.node_load[node]
         if number >= 0:
             s, way = state.joints.position[number], system.solver.step * abs(state.joints.velocity[number])
+            beyond = s + copysign(way + min(way, room), state.joints.velocity[number])  # farther than the next step
+            at_end = is_at_end(system, s) and is_at_end(system, beyond)
             if not rides(system, state, number):
                 give_back(system, state, node)
             elif state.node_follows[number]:
                 ahead = room + way  # so that no step takes it there
                 near = s - places[node - 1] < ahead or places[node + 1] - s < ahead
-                near = near or is_at_end(system, s)
+                near = near or at_end
                 if state.clamp_holds[number] and (near or beside_other(state, node)):
                     give_back(system, state, node)
                 elif near:
                     stand_still(system, state, node)
             elif s < places[node - 1] or s > places[node + 1]:
                 give_back(system, state, node)
-            elif not is_at_end(system, s) and places[node - 1] + 2.0 * room <= s <= places[node + 1] - 2.0 * room:
+            elif not at_end and places[node - 1] + 2.0 * room <= s <= places[node + 1] - 2.0 * room:
                 if abs(s - places[node]) < room + way:  # some step takes it there
                     take_node(system, state, number, node, s, True)
                 else:
@@ -246,7 +248,8 @@ def is_at_end(system, s):
     """Return whether a moving load at an arc length (m) of a moving rope is too near an end for a node to follow it.
 
     At the end a load followed exactly would lose its bend, and the rope its transverse speed, in no time. Instead its
-    node stands in the middle of the last element, and the load goes on over one short cubic.
+    node stands in the middle of the last element, and the load goes on over one short cubic. A load that comes from
+    there is followed before it passes that node: its weight has bent the rope there, and it would be thrown up.
     """
     homes, last = system.cable.node_arc_length, system.cable.node_arc_length.size - 1
     return system.moving_cable.moving and (s < end_room(homes, 0) or s > homes[last] - end_room(homes, last - 1))
