@@ -198,14 +198,16 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
             element = worst_element(rope_of(bundle, 0, system, state, work)[2])
             return False, done, iterations, halvings, worst_gap, increment, element, lost, moved
         for rope in range(bundle.records.shape[0]):
-            own, here, _ = rope_of(bundle, rope, system, state, work)
+            _, here, _ = rope_of(bundle, rope, system, state, work)
             here.clock[0] += 1
+        taken = done + 1
+        ends = taken == steps or wheels_gone_back(moving.sheaves) > gone_back or has_changed_places(bundle, state)
+        for rope in range(bundle.records.shape[0]):
+            own, here, _ = rope_of(bundle, rope, system, state, work)
+            if ends:  # before nodes change, which leaves forces with a wave that only the next step has settled
+                report_forces(own, here)
             if own.cable.load_nodes:
                 update_load_nodes(own, here)
-        taken = done + 1
-        if wheels_gone_back(moving.sheaves) > gone_back or has_changed_places(bundle, state):
+        if ends:
             break
-    for rope in range(bundle.records.shape[0]):
-        own, here, _ = rope_of(bundle, rope, system, state, work)
-        report_forces(own, here)
     return True, taken, iterations, halvings, worst_gap, increment, 0, lost, moved
