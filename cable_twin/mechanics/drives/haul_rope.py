@@ -28,6 +28,7 @@ from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, joint_tangent
 from cable_twin.mechanics.parameters import DRUM, END, SPEED
 from cable_twin.mechanics.rope.patch import at_node, both_slopes
+from cable_twin.mechanics.rope.point import R
 
 SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the drive hauls the carriage too far
 
@@ -132,6 +133,22 @@ def direct_haul(system, state, work):
             d = haul_direction(system, state, carriage)
             store(d, work.haul_direction[carriage])
             work.haul_origin[carriage] -= dot(d, load(work.haul_place[carriage], d))
+            if at_node(system.cable, state, carriage):
+                go_with_node(state, carriage, d, work.haul_origin[carriage])
+
+
+@inlined_kernel
+def go_with_node(state, carriage, d, origin):
+    """Set travel and rates of a haul rope to those of its vehicle's node in the direction d (dim,), without ḋ.
+
+    Predicted from its own rates they would have a jump wherever d turns within a step, at a saddle or a change of
+    nodes, and swing from step to step about it.
+    """
+    nodes, hauled, node = state.nodes, state.hauled, state.joint_node[carriage]
+    hauled.position[carriage] = origin + dot(d, load(nodes.position[node, R], d))
+    hauled.velocity[carriage] = dot(d, load(nodes.velocity[node, R], d))
+    hauled.acceleration[carriage] = dot(d, load(nodes.acceleration[node, R], d))
+    hauled.algorithmic[carriage] = dot(d, load(nodes.algorithmic[node, R], d))
 
 
 @kernel
