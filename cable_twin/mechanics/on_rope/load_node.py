@@ -189,8 +189,23 @@ FARTHEST = 3  # nodes from a load that comes onto the rope, among which one is f
 
 
 @kernel
+def seat_loads(system, state):
+    """Return the nodes of loads that have left a rope, and find nodes for those that have come onto it."""
+    for node in range(1, state.node_load.size - 1):
+        if state.node_load[node] >= 0 and not rides(system, state, state.node_load[node]):
+            give_back(system, state, node)
+    for carriage in range(state.joint_node.size):
+        if rides(system, state, carriage) and state.joint_node[carriage] < 0:
+            find_node(system, state, carriage)
+
+
+@kernel
 def update_load_nodes(system, state):
-    """Reassign the nodes that follow loads on a rope, after loads have come onto it, moved along it or left it."""
+    """Reassign the nodes that follow loads on a rope, before a step, as loads have come, moved along it or left.
+
+    Nodes stay as they are after a step: what is taken from a node leaves a wave in the accelerations of its rope, which
+    is no wave of forces that are read then.
+    """
     last, places, room = state.node_load.size - 1, state.mesh.arc_length, LEAST * system.cable.cell_length
     for node in range(1, last):
         number = state.node_load[node]
@@ -221,9 +236,7 @@ def update_load_nodes(system, state):
     for node in range(2, last):
         if state.node_load[node] >= 0 and state.node_load[node - 1] < 0:
             pass_on(system, state, node, -1)
-    for carriage in range(state.joint_node.size):
-        if rides(system, state, carriage) and state.joint_node[carriage] < 0:
-            find_node(system, state, carriage)
+    seat_loads(system, state)
 
 
 @kernel

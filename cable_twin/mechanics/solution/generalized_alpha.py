@@ -10,7 +10,7 @@ from math import isfinite
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, report_forces
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.on_rope.load_node import update_load_nodes
+from cable_twin.mechanics.on_rope.load_node import seat_loads, update_load_nodes
 from cable_twin.mechanics.solution.bundle.bullwheels import (
     find_saturated_wheels,
     hold_wheels_at_limits,
@@ -163,6 +163,10 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
     lost, moved = 0.0, 0.0
     taken, gone_back = 0, wheels_gone_back(moving.sheaves)
     for done in range(steps):
+        for rope in range(bundle.records.shape[0]):
+            own, here, _ = rope_of(bundle, rope, system, state, work)
+            if own.cable.load_nodes:
+                update_load_nodes(own, here)
         copy_ropes(bundle, STATE, GOOD, state)
         if bundle.coupled:
             copy_motion(moving, moving_good)
@@ -200,14 +204,14 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
         for rope in range(bundle.records.shape[0]):
             _, here, _ = rope_of(bundle, rope, system, state, work)
             here.clock[0] += 1
-        taken = done + 1
-        ends = taken == steps or wheels_gone_back(moving.sheaves) > gone_back or has_changed_places(bundle, state)
+        taken, changed = done + 1, has_changed_places(bundle, state)
         for rope in range(bundle.records.shape[0]):
             own, here, _ = rope_of(bundle, rope, system, state, work)
-            if ends:  # before nodes change, which leaves forces with a wave that only the next step has settled
-                report_forces(own, here)
-            if own.cable.load_nodes:
-                update_load_nodes(own, here)
-        if ends:
+            if changed and own.cable.load_nodes:
+                seat_loads(own, here)
+        if changed or wheels_gone_back(moving.sheaves) > gone_back:
             break
+    for rope in range(bundle.records.shape[0]):
+        own, here, _ = rope_of(bundle, rope, system, state, work)
+        report_forces(own, here)
     return True, taken, iterations, halvings, worst_gap, increment, 0, lost, moved
