@@ -210,6 +210,7 @@ def test_a_refused_command_changes_no_member_and_names_the_one(tramways, tramway
         ({"cable.unstrained_length": 1042.3, "cable.ice": 0.1}, "^cable.unstrained_length: .* needs another mesh"),
         ({"solver.step": 0.0025}, "^solver.step: given 0.0025, which needs another solver"),
         ({"cable.elastic_model": "element_frame"}, "^cable.elastic_model: .* needs another elastic model"),
+        ({"air.turbulence.seed": 2}, "^air.turbulence.seed: given 2, which needs air.turbulence in"),
         ({"cable.ice": [0.1, 0.2]}, r"^parameters: cable.ice: given 2 values; allowed: 6, one for each member"),
     ],
 )
@@ -422,6 +423,9 @@ def test_times_and_members_are_checked(tramways, tramway):
         "member: given slice": lambda: tramways.snapshot(slice(0, 2)),
         r"parameters: given \[1\]; allowed: a mapping": lambda: tramways.change([1]),
         "command: given 'release'; allowed: a `Command`": lambda: tramways.apply("release"),
+        "command: given None; allowed: a `Command`": lambda: tramways.apply(None),
+        "members: given 2 twice; allowed: each of 0 to 5 once": lambda: tramways.emergency_stop(members=[2, 1, 2]),
+        "fork: given 'x'; allowed: a Simulation of 'aerial_tramway'": lambda: tramways.fork("x", at=1.0),
         "observations: given 'nothing'": lambda: tramways.observe("nothing"),
         "samples: given 1; allowed: a whole number from 2": lambda: Ensemble("single_span", 1, samples=1),
         "scenario: given 'single_span'; allowed: a Scenario": lambda: tramways.begin("single_span", 0),

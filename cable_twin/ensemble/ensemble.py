@@ -189,13 +189,15 @@ class Ensemble:
                 copied; None for the present state.
 
         Raises:
-            ValueError: the simulation is of another scenario, or already beyond a time.
+            ValueError: given is no simulation, or one of another scenario or already beyond a time.
             SolverError: the simulation fails on its way to a time; members of earlier times have been forked.
         """
+        states, base = self._states, self._states.base
+        if not isinstance(simulation, Simulation):
+            raise ValueError(f"fork: given {simulation!r}; allowed: a Simulation of '{base.scenario.name}'")
         if at is not None:
             self._fork_at(simulation, self._rows(members), at)
             return
-        states, base = self._states, self._states.base
         if simulation.scenario is not self._alike and simulation.scenario.resolved() != base.scenario.resolved():
             raise ValueError(
                 "fork: given a simulation of another scenario, or with other values of its keys; "
@@ -279,7 +281,8 @@ class Ensemble:
             CommandError: the command is refused for a member, which the message names; no member is commanded then.
         """
         rows = self._rows(members)
-        each = [command] * len(rows) if isinstance(command, Command | str) else list(command)
+        several = isinstance(command, Iterable) and not isinstance(command, str)
+        each = list(command) if several else [command] * len(rows)
         if len(each) != len(rows):
             raise ValueError(f"apply: given {len(each)} commands; allowed: one, or {len(rows)}, one for each member")
         self._apply_each(rows, each)
@@ -531,7 +534,7 @@ class Ensemble:
         """Indices of the members selected by an index, a slice, a sequence of indices, a mask, or None for all.
 
         Raises:
-            ValueError: there is no such member.
+            ValueError: there is no such member, or one is given twice.
         """
         if members is None:
             return list(range(len(self)))
@@ -543,7 +546,11 @@ class Ensemble:
         for one in given:
             if isinstance(one, bool) or not isinstance(one, int | np.integer) or not 0 <= one < len(self):
                 raise ValueError(f"members: given {one!r}; allowed: 0 to {len(self) - 1}, or a mask of all {len(self)}")
-        return [int(one) for one in given]
+        rows = [int(one) for one in given]
+        if len(set(rows)) < len(rows):
+            twice = next(row for row in rows if rows.count(row) > 1)
+            raise ValueError(f"members: given {twice} twice; allowed: each of 0 to {len(self) - 1} once")
+        return rows
 
     def _row(self, member: int) -> int:
         """Index of one member.

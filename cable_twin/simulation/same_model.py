@@ -32,6 +32,8 @@ def check_same_parts(scenario: Scenario, like: Scenario) -> None:
         raise OtherModelError("another solver")
     if scenario.dim != like.dim:
         raise OtherModelError("another dimension (a plane, or space)")
+    if (scenario.air.turbulence is None) != (like.air.turbulence is None):
+        raise OtherModelError(f"{'no ' if like.air.turbulence else ''}air.turbulence in the scenario of all")
     for own, other in zip(scenario.cables.values(), like.cables.values(), strict=True):
         if own.elements != other.elements or own.unstrained_length != other.unstrained_length:
             raise OtherModelError("another mesh")

@@ -6,10 +6,10 @@ times.
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from numbers import Real
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ from cable_twin.frame.records import (
     SolverReport,
 )
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.mechanics.language.declared import Kept, clone, write
+from cable_twin.mechanics.language.declared import LATEST, Kept, clone, write
 from cable_twin.mechanics.parameters import IntArray, Solver, System
 from cable_twin.mechanics.solution.bundle.records import BundleState
 from cable_twin.mechanics.solution.catenary import EquilibriumError
@@ -312,8 +312,10 @@ class Simulation(Queries):
         """Restore a full state from `capture` of this simulation or of another one of its scenario.
 
         Raises:
-            SnapshotError: the state does not fit the scenario; nothing is changed then.
+            SnapshotError: it is no state, or does not fit the scenario; nothing is changed then.
         """
+        if not isinstance(full, FullState):
+            raise SnapshotError(f"restore: given {full!r}; allowed: a state, as of `capture`")
         if not full.fits(self.scenario):
             full.check(self.scenario, [part.system for part in self._parts], self.capture())
         self._engine.restore(full)
@@ -430,12 +432,14 @@ class Simulation(Queries):
         Raises:
             SolverError: a step fails, `snapshot` then is the last good one; or two vehicles are pressed
                 through each other.
-            ValueError: when `time` is not finite, or a step or more ago.
+            ValueError: when `time` is no finite number, or a step or more ago.
         """
-        clock = int(self._state.clock[0])
-        steps = round(time / self.step) - clock if math.isfinite(time) else -1
+        clock, latest = int(self._state.clock[0]), LATEST * self.step
+        steps = round(time / self.step) - clock if isinstance(time, Real) and abs(time) < latest else -1
         if steps < 0:
-            raise ValueError(f"advance_to: given {time:.9g} s; allowed: a finite time, from {self.time:.9g} s on")
+            given = f"{time:.9g} s" if isinstance(time, Real) else repr(time)
+            allowed = f"a finite time, from {self.time:.9g} s up to {latest:.3g} s"
+            raise ValueError(f"advance_to: given {given}; allowed: {allowed}")
         if steps == 0:
             return self.snapshot
         self._at_start = False
