@@ -588,4 +588,4 @@ def test_each_figure_has_an_identity_of_its_own(name, changes):
         assert (figure.unit, identity.statistic in row.statistics) == (row.unit, True)
         assert FigureId.of_text(str(identity)) == identity
     ropes = {one.subject for one in identities if one.quantity == "rope_tension"}
-    assert ropes == {f"ropes.{rope}" for rope in found.cables}
+    assert ropes == {*(f"ropes.{rope}" for rope in found.cables), *map(found.haul_rope_key, found.haul_ropes)}

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from cable_twin.basics.limited_yaml import as_yaml
 from cable_twin.basics.units import counted
-from cable_twin.key_figures import QUANTITIES, KeyFigures, Subject, figure
+from cable_twin.key_figures import QUANTITIES, KeyFigures, Subject, figure, not_judged
 from cable_twin.key_figures.rules import RuleError, counts_text, judge, load_profile, profiles_of
 from cable_twin.key_figures.rules.conditions import REVERSIBLE
 from cable_twin.key_figures.rules.derived import derived_figures
@@ -214,10 +214,34 @@ def test_a_case_and_a_unit_of_a_rule(tmp_path):
 def test_a_haul_rope_in_the_drive_of_a_carriage_is_said_to_be_one():
     scenario = load_scenario("aerial_tramway", {"limits.profile": ["france_1985"]})
     reasons = {one.check: one.reason for one in judge(scenario, [])}
-    assert reasons["FR85-17"] == "the haul rope of cabin is a part of the drive, without a breaking force"
+    assert reasons["FR85-17"] == (
+        "the run has no figure tested_safety_factor, which needs breaking_force or tested_breaking_force of the rope"
+    )
     assert reasons["FR85-29"] == "the haul rope of cabin is a part of the drive, without bullwheels"
     own = load_scenario("single_span", {"limits.profile": ["france_1985"], "carriages.cabin.drive.haul_rope": None})
     assert {one.check: one.reason for one in judge(own, [])}["FR85-29"] == "the scenario has no bullwheels"
+
+
+def test_a_haul_rope_in_the_drive_of_a_carriage_is_judged_as_one():
+    """At rest, by the static pull of the cabin, the counter rope and the weight of the rope up to its drive."""
+    rope = "carriages.cabin.drive.haul_rope"
+    changes = {"limits.profile": ["france_1985", "carinthia_1971"], f"{rope}.calculated_breaking_force": 6e5}
+    twin = Simulation(load_scenario("aerial_tramway", changes))
+    figures = KeyFigures(twin.scenario)
+    figures.update(twin.snapshot)
+    columns = twin.snapshot.columns
+    pull = 60e3 + columns.haul_force[0] + 6.0 * 9.81 * (300.0 - columns.joint_position[0, 2])
+    found = {str(one.id): one for one in figures.figures()}
+    assert found[f"rope_tension/{rope}/highest"].value == pytest.approx(pull)
+    factor = found[f"rope_safety_factor/{rope}/lowest"]
+    assert (factor.value, factor.limit) == (pytest.approx(1.09e6 / pull), 4.5)
+    assert factor.name == "haul rope of cabin: rope safety factor"
+    verdicts = {one.check: one for one in judge(twin.scenario, figures.figures())}
+    assert (verdicts["FR85-17"].state, verdicts["FR85-17"].figure) == ("kept", factor)
+    assert (verdicts["ATK-08"].state, verdicts["ATK-08"].value) == ("kept", pytest.approx(6e5 / pull))
+    bare = load_scenario(twin.scenario.resolved(), {f"{rope}.breaking_force": None})
+    missing = f"not judged: limits.haul_rope_safety_factor: {rope}.breaking_force is not given"
+    assert missing in [one.told() for one in not_judged(bare, [])]
 
 
 def test_a_tramway_by_real_figures():
@@ -374,7 +398,7 @@ def test_a_rope_without_data_is_not_kept_by_the_others(tmp_path):
     one = judge(scenario, factors[1:], found)[0]
     assert (one.state, one.reason) == (
         "not decided",
-        "ropes.up without figure rope_safety_factor, which needs cable.breaking_force",
+        "ropes.up without figure rope_safety_factor, which needs breaking_force of the rope",
     )
     low = [replace(factors[1], value=3.0)]
     assert judge(scenario, low, found)[0].state == "not kept"

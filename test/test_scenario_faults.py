@@ -330,6 +330,11 @@ BODY = "carriages.cabin.bodies.cabin"
         ),
         ("cable.calculated_breaking_force", 4.95e9, "a strain of 1030 %"),
         (
+            "carriages.cabin.drive.haul_rope.breaking_force",
+            1.09,
+            "axial_stiffness of 63000000.0 N a strain of",
+        ),
+        (
             "cable.axial_stiffness",
             482e3,
             "breaking_force: given 4950000.0 N: with the axial_stiffness of 482000.0 N a str",

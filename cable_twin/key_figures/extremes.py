@@ -66,6 +66,7 @@ class Extremes(NamedTuple):
     acceleration: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m/s^2", first=nan)]
     contact_force: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
     haul_force: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
+    haul_tension: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
     tension_over_load: Annotated[FloatArray, Of("vehicle", EXTREME, first=nan)]  # lowest; load across the rope
     clearance: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m", first=nan)]  # lowest
     mast_clearance: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m", first=nan)]  # lowest; place: row of the mast

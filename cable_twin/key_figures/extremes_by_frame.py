@@ -212,6 +212,7 @@ def take_vehicles(extremes, constants, time, columns):
         if counts:
             highest(extremes.contact_force, vehicle, size(columns.contact_force[vehicle]), time, place, rope)
             highest(extremes.haul_force, vehicle, size(columns.haul_pull[vehicle]), time, place, rope)
+            highest(extremes.haul_tension, vehicle, columns.haul_tension[vehicle], time, place, rope)
             lowest(extremes.tension_over_load, vehicle, columns.tension_over_load[vehicle], time, place, rope)
         if looks:
             here = extremes.passed[extremes.passed_last[0], vehicle]

@@ -121,11 +121,11 @@ class KeyFigure:
             return self
         return replace(self, limit=limit, bound=bound_of(self.id.statistic), source=source)
 
-    def limited_by(self, scenario: Scenario, *, clamped: bool = False) -> KeyFigure:
+    def limited_by(self, scenario: Scenario, *, clamped: bool = False, hauls: bool = False) -> KeyFigure:
         """Copy with the limit for its quantity from a scenario's `limits`, else the usual limit, if there is any."""
         if not QUANTITIES[self.id.quantity].limit:
             return self
-        return self.limited(*limit_of(scenario, self.id.quantity, clamped=clamped))
+        return self.limited(*limit_of(scenario, self.id.quantity, clamped=clamped, hauls=hauls))
 
 
 def figure(
@@ -179,6 +179,9 @@ def not_judged(scenario: Scenario, figures: Iterable[KeyFigure]) -> list[NotJudg
     for name, cable in scenario.cables.items():
         if limit_of(scenario.of_rope(name), "rope_safety_factor")[0] and cable.breaking_force is None:
             found.append(NotJudged("rope_safety_factor", f"{scenario.rope_key(name)}.breaking_force"))
+    for name, rope in scenario.haul_ropes.items():
+        if rope.breaking_force is None:
+            found.append(NotJudged("haul_rope_safety_factor", f"{scenario.haul_rope_key(name)}.breaking_force"))
     judged = {QUANTITIES[one.id.quantity].limit for one in figures if one.limit is not None}
     known = {row.limit for row in QUANTITIES.values() if row.limit} - {"rope_safety_factor"}
     # by value, as a recorded scenario has all keys

@@ -316,6 +316,7 @@ class KeyFigures:
             hauled = carriage.drive.haul_rope is not None
             yield from self._of_motion(subject, group.rows[0], carriage.drive.limits, source, hauled=hauled)
         if carriage is not None and carriage.joint != "clamped":
+            yield from self._of_haul_rope(subject.name, group.rows[0])
             yield extreme("brake_force", subject, "highest", extremes.brake_force[group.rows[0]])
             yield extreme("end_stop_speed", subject, "highest", extremes.end_stop_speed[group.rows[0]])
         acceleration = self._worst("acceleration", group, "highest", extremes.acceleration)
@@ -333,6 +334,19 @@ class KeyFigures:
         yield replace(height.limited_by(scenario), band=LOOKS)
         if carriage is not None:
             yield from (one.limited_by(scenario) for one in self._stops.figures(subject.name))
+
+    def _of_haul_rope(self, name: str, row: int) -> Iterator[KeyFigure]:
+        """Key figures of the haul rope in the drive of a carriage."""
+        rope = self._scenario.haul_ropes.get(name)
+        if rope is None:
+            return
+        subject = Subject(self._scenario.haul_rope_key(name), f"haul rope of {name}")
+        tension = extreme("rope_tension", subject, "highest", self._extremes.haul_tension[row])
+        yield tension
+        if rope.breaking_force is not None and tension.value > 0.0:
+            factor = rope.breaking_force / tension.value
+            one = figure("rope_safety_factor", subject, "lowest", factor, tension.time, tension.place)
+            yield one.limited_by(self._scenario, hauls=True)
 
     def _worst(
         self, quantity: str, group: Group, statistic: str, extremes: FloatArray, at: str = "arc length"

@@ -204,16 +204,19 @@ def usual_limit(scenario: Scenario, key: str, *, clamped: bool = False) -> float
     return limit_row(key).default
 
 
-def limit_of(scenario: Scenario, quantity: str, *, clamped: bool = False) -> tuple[float | None, str]:
+def limit_of(
+    scenario: Scenario, quantity: str, *, clamped: bool = False, hauls: bool = False
+) -> tuple[float | None, str]:
     """Limit of a quantity and its source, from the scenario, else the usual limit; None without a limit.
 
     Args:
         scenario: scenario of one rope with its vehicles, for their quantities.
         quantity: row of the table, with a limit.
         clamped: True for vehicles clamped to the rope.
+        hauls: True for the haul rope in the drive of a carriage.
     """
     key = QUANTITIES[quantity].limit
-    if key == "rope_safety_factor" and scenario.hauls:  # beside a track rope, whose factor is not enough for it
+    if key == "rope_safety_factor" and (hauls or scenario.hauls):  # the factor of a track rope is not enough for it
         key = "haul_rope_safety_factor"
     given, usual = getattr(scenario.limits, key), usual_limit(scenario, key, clamped=clamped)
     limit = (usual if given is None else given or None) if key in BY_KIND else given

@@ -37,7 +37,7 @@ COLUMNS_OF: Mapping[str, Sequence[str]] = {  # columns of each group; all others
     ALWAYS: ("time",),
     "poses": ("joint_position", "body_position", "body_orientation"),
     "forces": (
-        *("contact_force", "tension_over_load", "haul_travel", "haul_force", "haul_pull"),
+        *("contact_force", "tension_over_load", "haul_travel", "haul_force", "haul_tension", "haul_pull"),
         *("push", "push_highest"),
         *("touched", "touch_place", "touch_speed", "touch_time", "support_force", "support_travel"),
         *("tower_load", "tower_lowest_load", "tower_rest_load", "tower_lateral", "tower_lateral_ratio"),

@@ -24,7 +24,7 @@ from cable_twin.scenario.sections.couplings import (
     Strand,
     strands_of,
 )
-from cable_twin.scenario.sections.drives import RopeDrive
+from cable_twin.scenario.sections.drives import HaulRope, RopeDrive
 from cable_twin.scenario.sections.limits import KeyFigureLimits
 from cable_twin.scenario.sections.line import Cable, TerrainSides, Tower
 from cable_twin.scenario.sections.quantities import (
@@ -175,6 +175,15 @@ class Scenario(Section):
     def rope_key(self, name: str) -> str:
         """Key of a rope in the file: `cable`, or `ropes.NAME`."""
         return f"ropes.{name}" if self.ropes else "cable"
+
+    @property
+    def haul_ropes(self) -> dict[str, HaulRope]:
+        """Haul ropes in the drives of carriages, by the name of the carriage."""
+        return {name: one.drive.haul_rope for name, one in self.carriages.items() if one.drive.haul_rope is not None}
+
+    def haul_rope_key(self, carriage: str) -> str:
+        """Key of the haul rope in the drive of a carriage in the file."""
+        return f"carriages.{carriage}.drive.haul_rope"
 
     def drive_key(self, name: str) -> str:
         """Key of a drive of ropes in the file: `drives.NAME`, or that below the bullwheel that it turns."""

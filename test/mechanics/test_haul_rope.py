@@ -11,6 +11,7 @@ from cable_twin.mechanics.drives.haul_rope import (
     hang_in_rope,
     haul_direction,
     haul_energies,
+    haul_tension,
     leave_place,
     pull_on_carriage,
     rope_force,
@@ -141,6 +142,22 @@ def test_a_carriage_hangs_in_its_rope(station, force):
     assert pull_on_carriage(system, state, 0) == pytest.approx(force, abs=1e-9)
     assert drum_force(system, state, 0) == pytest.approx(force, abs=1e-9)
     assert not hang_in_rope(system, state, 0, 501.0 if station == START else -501.0)
+
+
+@pytest.mark.parametrize("station", [START, END])
+def test_the_highest_tension_is_at_the_vehicle_or_at_the_drive(station):
+    """By the momentum of the rope, between the forces at both ends, and by its weight."""
+    system, state, _ = setup(station=station, pretension=np.array([700.0]))
+    sign = 1.0 if station == END else -1.0
+    scale = np.linalg.norm(haul_direction(system, state, 0))
+    at_vehicle = sign * scale * pull_on_carriage(system, state, 0)
+    inertia = system.haul_ropes.drive_inertia[0] * state.drums.acceleration[0]
+    at_drive = sign * scale * (drum_force(system, state, 0) - inertia)
+    rise = state.nodes.position[-1 if station == END else 0, 0, -1] - joint_position(system.cable, state, 0)[-1]
+    weight = -system.haul_ropes.mass_per_length[0] * system.cable.gravity[-1] * rise
+    found = haul_tension(system, state, 0)
+    assert found == pytest.approx(700.0 + max(at_vehicle, at_drive + weight))
+    assert (at_drive + weight > at_vehicle) == (station == END)
 
 
 def test_energy_is_what_the_forces_and_masses_say():

@@ -10,6 +10,8 @@ from cable_twin.key_figures.figure import KeyFigure, Subject, figure
 from cable_twin.key_figures.rules.subjects import Subjects
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.system import tower_friction
+from cable_twin.scenario.sections.drives import HaulRope
+from cable_twin.scenario.sections.line import Cable
 
 SETTING = "as the scenario has it"
 
@@ -37,7 +39,8 @@ def derived_figures(
     """
     found, subjects = Found(figures), subjects or Subjects(scenario)
     return [
-        *(one for rope in scenario.cables for one in _of_rope(scenario, rope, found)),
+        *(one for name, rope in scenario.cables.items() for one in _of_rope(_named(scenario, name), rope, found)),
+        *(one for name, rope in scenario.haul_ropes.items() for one in _of_rope(_hauling(scenario, name), rope, found)),
         *(one for tower in scenario.towers for one in _of_tower(scenario, tower, subjects, found)),
         *(one for name in scenario.sheaves for one in _of_bullwheel(scenario, name)),
         *_of_vehicles(scenario, subjects, found),
@@ -78,15 +81,18 @@ def _named(scenario: Scenario, rope: str) -> Subject:
     return Subject(f"ropes.{rope}", rope if scenario.ropes else "")
 
 
-def _of_rope(scenario: Scenario, rope: str, found: Found) -> Iterator[KeyFigure]:
+def _hauling(scenario: Scenario, carriage: str) -> Subject:
+    return Subject(scenario.haul_rope_key(carriage), f"haul rope of {carriage}")
+
+
+def _of_rope(subject: Subject, rope: Cable | HaulRope, found: Found) -> Iterator[KeyFigure]:
     """Safety factors of a rope on its calculated and its tested breaking force."""
-    cable, subject = scenario.cables[rope], _named(scenario, rope)
     tension = found("rope_tension", subject.key, "highest")
     if tension is None or tension.value <= 0.0:
         return
     forces = {
-        "calculated_safety_factor": cable.calculated_breaking_force,
-        "tested_safety_factor": cable.tested_breaking_force,
+        "calculated_safety_factor": rope.calculated_breaking_force,
+        "tested_safety_factor": rope.tested_breaking_force,
     }
     for quantity, force in forces.items():
         if force is not None:

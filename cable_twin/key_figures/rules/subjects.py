@@ -59,6 +59,7 @@ class Subjects:
         self.supports = {rope: ("start", *alone.towers, "end") for rope, alone in ropes.items()}
         self.chords = {rope: _chords([*map(in_space, alone.corners)]) for rope, alone in ropes.items()}
         self._vehicles = {one.subject.key for one in self.groups}
+        self._haul_ropes = {scenario.haul_rope_key(name) for name in scenario.haul_ropes}
         self._driven = {drive.sheave for drive in scenario.drives.values()}
 
     def has(self, role: str, subject: str) -> bool:
@@ -70,6 +71,7 @@ class Subjects:
             return subject == "line"
         if role.endswith("ropes"):
             own = self.rope_roles.get(name.partition(".")[0], "") if kind == "ropes" else ""
+            own = "haul_ropes" if subject in self._haul_ropes else own
             return bool(own) and (role in ("ropes", own) or (role == "moving_ropes" and own != "track_ropes"))
         if role.endswith("towers") or role == "saddles":
             return kind == "towers" and name in self._scenario.towers and self._tower_has(role, name)

@@ -30,9 +30,9 @@ NEEDS = {
     "stopping_distance": "a stop in the run",
     "stopping_time": "a stop in the run",
     "mean_deceleration": "a stop in the run",
-    "rope_safety_factor": "cable.breaking_force",
-    "tested_safety_factor": "cable.breaking_force or cable.tested_breaking_force",
-    "calculated_safety_factor": "cable.calculated_breaking_force",
+    "rope_safety_factor": "breaking_force of the rope",
+    "tested_safety_factor": "breaking_force or tested_breaking_force of the rope",
+    "calculated_safety_factor": "calculated_breaking_force of the rope",
     "vehicle_clearance": "terrain",
     "rope_clearance": "terrain",
     "moving_clearance": "terrain",
@@ -61,8 +61,6 @@ OF_DATA = (
 )
 # what the haul rope in the drive of a carriage lacks of subjects with a role
 LACKS = {
-    "haul_ropes": "a breaking force",
-    "moving_ropes": "a breaking force",
     "bullwheels": "bullwheels",
     "drive_bullwheels": "bullwheels",
     "sheave_towers": "sheaves",
@@ -222,12 +220,11 @@ class Judge:
         having = {one.id.subject for one in found}
         subjects = (
             *(f"ropes.{rope}" for rope in self._scenario.cables),
+            *(self._scenario.haul_rope_key(name) for name in self._scenario.haul_ropes),
             *(f"towers.{tower}" for tower in self._scenario.towers),
             *(f"sheaves.{wheel}" for wheel in self._scenario.sheaves),
         )
-        kind = next(iter(having)).partition(".")[0]
-        of_kind = [one for one in subjects if one.partition(".")[0] == kind]
-        return [one for one in of_kind if self._subjects.has(role, one) and one not in having]
+        return [one for one in subjects if self._subjects.has(role, one) and one not in having]
 
     def _wind_pressure(self) -> float:
         """Highest pressure (Pa) of the wind of a run, or of that of its scenario in a plane: ½ ρ v²."""
@@ -238,8 +235,9 @@ class Judge:
     def _why_none(self, quantity: str) -> str:
         """Reason why a run has no figure of a rule's quantity/role/statistic."""
         name, role, _ = quantity.split("/")
-        if not any(self._subjects.has(role, one.id.subject) for one in self._figures):
-            hauled = [one for one, carriage in self._scenario.carriages.items() if carriage.drive.haul_rope is not None]
+        hauled = self._scenario.haul_ropes
+        there = any(self._subjects.has(role, one.id.subject) for one in self._figures)
+        if not there and not (hauled and role in ("haul_ropes", "moving_ropes")):
             if hauled and role in LACKS:
                 return f"the haul rope of {' and '.join(hauled)} is a part of the drive, without {LACKS[role]}"
             return f"the scenario has no {role.replace('_', ' ')}"

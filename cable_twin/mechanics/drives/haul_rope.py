@@ -12,9 +12,10 @@ end of each step, where w is set to s again and the drum with it. Of the rope, w
 
     T = EA (u - w) / l + c (u_dot - w_dot),   c = 2 ζ sqrt(EA (m / l + ρ / 3));
 
-T may push up to the pretension of the counter rope. The rope's mass moves as that of a rod of two nodes:
-l ρ (1/3, 1/6; 1/6, 1/3) on (w, u). The weight of the rope is taken as balanced by the counter rope, whose mass belongs
-to the drive's inertia.
+T may push up to the pretension of the counter rope, by which the tension at the vehicle is more than T; at the drive it
+has the weight of the rope over the height between, too, and the rope's inertia at either end. The rope's mass moves
+as that of a rod of two nodes: l ρ (1/3, 1/6; 1/6, 1/3) on (w, u). The weight of the rope is taken as balanced by the
+counter rope, whose mass belongs to the drive's inertia.
 """
 
 from __future__ import annotations
@@ -94,6 +95,26 @@ def pull_on_carriage(system, state, carriage):
     length, _ = rope_length(system, carriage, state.drums.position[carriage])
     mass = system.haul_ropes.mass_per_length[carriage] * length / 6.0
     return force - mass * (2.0 * state.hauled.acceleration[carriage] + state.drums.acceleration[carriage])
+
+
+@kernel
+def haul_tension(system, state, carriage):
+    """Highest tension (N) of a haul rope: at its vehicle, or at its drive in the height of that end of the track."""
+    ropes, drums, hauled = system.haul_ropes, state.drums, state.hauled
+    force, _, _, _ = rope_force(system, state, carriage)
+    length, _ = rope_length(system, carriage, drums.position[carriage])
+    mass = ropes.mass_per_length[carriage] * length / 6.0
+    at_vehicle = force - mass * (2.0 * hauled.acceleration[carriage] + drums.acceleration[carriage])
+    at_drive = force + mass * (2.0 * drums.acceleration[carriage] + hauled.acceleration[carriage])
+    place = joint_position(system.cable, state, carriage)
+    station, sign = state.nodes.position[0, 0], -1.0
+    if ropes.station[carriage] == END:
+        station, sign = state.nodes.position[-1, 0], 1.0
+    below = add_scaled(-1.0, load(station, place), place)
+    weight = ropes.mass_per_length[carriage] * dot(load(system.cable.gravity, place), below)
+    d = haul_direction(system, state, carriage)
+    metres = sign * sqrt(dot(d, d))  # of track rope in one of way
+    return ropes.pretension[carriage] + max(metres * at_vehicle, metres * at_drive + weight)
 
 
 @kernel

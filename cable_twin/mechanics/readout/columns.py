@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf, isnan, nan
 from typing import Annotated, NamedTuple
 
+from cable_twin.mechanics.drives.haul_rope import haul_tension
 from cable_twin.mechanics.drives.joint_drive import joint_forces, observe_haul, way_per_metre
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
 from cable_twin.mechanics.language.by_reference import by_reference
@@ -54,6 +55,7 @@ class Columns(NamedTuple):
     ]  # place of the vehicle without stretch of its haul rope
     haul_speed: Annotated[FloatArray, Of("vehicles", unit="m/s")]  # of the haul rope at its drum
     haul_force: Annotated[FloatArray, Of("vehicles", unit="N")]  # of haul rope or clamp on the vehicle, along the cable
+    haul_tension: Annotated[FloatArray, Of("vehicles", unit="N")]  # highest of the haul rope of a drive
     haul_pull: Annotated[FloatArray, Of("vehicles", 3, unit="N")]  # the same force as a vector
     push: Annotated[FloatArray, Of("vehicles", unit="N")]  # between the vehicle and those after it on the rope
     push_highest: Annotated[FloatArray, Of("vehicles", unit="N")]  # highest of all steps since start or reset
@@ -176,6 +178,7 @@ def observe_vehicle(system, state, vehicle, lateral, columns):
     store_in_space(pull, columns.haul_pull[vehicle])
     travel, speed, force = observe_haul(system, state, vehicle)
     columns.haul_travel[vehicle], columns.haul_speed[vehicle], columns.haul_force[vehicle] = travel, speed, force
+    columns.haul_tension[vehicle] = haul_tension(system, state, vehicle) if state.axis[vehicle] == DRUM else nan
     if isnan(force):
         columns.haul_pull[vehicle] = nan
     elif isnan(travel):  # of a clamp, with the force of the vehicle's own drive

@@ -265,6 +265,7 @@ TEXTS: Mapping[str, str] = {
     "travel of the tensioning device": "Weg der Spanneinrichtung",
     "rope on carriage": "Seil auf Laufwerk",
     "haul rope on carriage": "Zugseil auf Laufwerk",
+    "haul rope of": "Zugseil von",
     "support on rope": "Auflager auf Seil",
     "counterweight travel": "Weg des Spanngewichts",
     "pantograph on rope": "Stromabnehmer auf Seil",

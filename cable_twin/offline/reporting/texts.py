@@ -47,6 +47,7 @@ class Texts:
         detail = self._detail(found[1] if found.groups() else "")
         said = self._names[row.quantity].format(detail)
         said += f", {self(figure.id.statistic)}" if len(row.statistics) > 1 else ""
+        before = re.sub(r"^haul rope of(?= )", lambda one: self(one[0]), before)
         return f"{before}: {said}" if before else said
 
     def _detail(self, text: str) -> str:

@@ -284,6 +284,7 @@ def _drive(force: float, holding: float, upwards: bool) -> dict[str, Any]:
         "haul_rope": {
             "axial_stiffness": assumed(63.0e6, usual),
             "mass_per_length": assumed(6.0, usual),
+            "breaking_force": assumed(1.09e6, "N, of such a rope with wires of 1960 N/mm^2"),
             "damping_ratio": assumed(0.01, usual),
             "station": assumed("end" if upwards else "start", "driven in the upper station"),
             "beyond_track": assumed(20.0, "m"),

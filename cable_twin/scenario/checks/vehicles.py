@@ -23,7 +23,7 @@ from cable_twin.scenario.checks.fault import (
     refuse,
     show,
 )
-from cable_twin.scenario.checks.wrong_units import body_faults
+from cable_twin.scenario.checks.wrong_units import body_faults, breaking_faults
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.drives import Limits
 from cable_twin.scenario.sections.vehicles import Body, Carriage, CarrierPayload, Carriers, Payload
@@ -266,6 +266,8 @@ def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault
     if "drive" in means and on_drive:
         allowed = "only one of the two, as the drive decelerates at emergency_deceleration with any force that it needs"
         yield refuse((*path, "emergency_stop"), Phrase(f"'drive' and {on_drive[0]!r}"), allowed)
+    if drive.haul_rope is not None:
+        yield from breaking_faults((*path, "haul_rope"), drive.haul_rope)
     if drive.haul_rope is not None and carriage.joint == "fixed":
         yield refuse((*path, "haul_rope"), drive.haul_rope, "null; only where the joint slides", "the joint is fixed")
     if integrator == "runge_kutta":

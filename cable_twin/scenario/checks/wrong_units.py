@@ -10,6 +10,7 @@ from math import hypot, nan, pi, sqrt
 
 from cable_twin.basics.units import rounded
 from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse, show, unit_of
+from cable_twin.scenario.sections.drives import HaulRope
 from cable_twin.scenario.sections.line import Cable
 from cable_twin.scenario.sections.vehicles import Body
 
@@ -33,8 +34,19 @@ def rope_faults(cable: Cable) -> Iterator[Fault]:
             size = f"{rounded(least, 3)} to {rounded(most, 3)} {unit_of(('cable', key))}"
             allowed = f"{size}, for {DENSITIES[0]:g} to {DENSITIES[1]:g} kg/m^3"
             yield refuse(("cable", key), given, allowed, f"{with_mass} a density of {density:.3g} kg/m^3")
+    yield from breaking_faults(("cable",), cable)
+    bar = stiffness * (nan if cable.diameter is None else cable.diameter) ** 2 / 16.0
+    if cable.bending_stiffness > STIFFEST * bar:
+        why = f"a solid bar of its diameter and axial_stiffness has {rounded(bar, 3)} N m^2"
+        allowed = f"up to {rounded(STIFFEST * bar, 3)} N m^2, {STIFFEST:g} times that"
+        yield refuse(("cable", "bending_stiffness"), cable.bending_stiffness, allowed, why)
+
+
+def breaking_faults(path: KeyPath, rope: Cable | HaulRope) -> Iterator[Fault]:
+    """Errors of a rope's breaking forces beside its stiffness."""
+    stiffness = rope.axial_stiffness
     for key in ("breaking_force", "calculated_breaking_force", "tested_breaking_force"):
-        given = getattr(cable, key)
+        given = getattr(rope, key)
         if given is not None and (given < STRAINS[0] * stiffness or given > STRAINS[1] * stiffness):
             low, high = (rounded(strain * stiffness, 3) for strain in STRAINS)
             allowed = f"{low} to {high} N, for {100.0 * STRAINS[0]:g} to {100.0 * STRAINS[1]:g} %"
@@ -42,12 +54,7 @@ def rope_faults(cable: Cable) -> Iterator[Fault]:
             why = (
                 f"with the axial_stiffness of {show(stiffness, 'N')} a strain of {strain} %, of steel ropes 0.5 to 3 %"
             )
-            yield refuse(("cable", key), given, allowed, why)
-    bar = stiffness * (nan if cable.diameter is None else cable.diameter) ** 2 / 16.0
-    if cable.bending_stiffness > STIFFEST * bar:
-        why = f"a solid bar of its diameter and axial_stiffness has {rounded(bar, 3)} N m^2"
-        allowed = f"up to {rounded(STIFFEST * bar, 3)} N m^2, {STIFFEST:g} times that"
-        yield refuse(("cable", "bending_stiffness"), cable.bending_stiffness, allowed, why)
+            yield refuse((*path, key), given, allowed, why)
 
 
 def body_faults(path: KeyPath, body: Body) -> Iterator[Fault]:

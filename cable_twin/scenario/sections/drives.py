@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cable_twin.scenario.sections.quantities import FromList, Section, Vector, quantity
+from cable_twin.scenario.sections.quantities import FromList, Section, Vector, quantity, strength
 
 
 class Limits(Section):
@@ -46,6 +46,9 @@ class HaulRope(Section):
 
     axial_stiffness: float = quantity("N", "EA of the haul rope", gt=0)
     mass_per_length: float = quantity("kg/m", "mass per length of the haul rope", gt=0)
+    breaking_force: float | None = strength("minimum")
+    calculated_breaking_force: float | None = strength("calculated")
+    tested_breaking_force: float | None = strength("tested")
     damping_ratio: float = quantity("-", "damping ratio of the carriage oscillating on the haul rope", 0.01, ge=0, le=1)
     station: Literal["start", "end"] = Field(default="end", description="end of the track with the drive sheave")
     beyond_track: float = quantity("m", "rope between the end of the track and the drive sheave", 10.0, gt=0)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from cable_twin.mechanics.parameters import COLDEST, ELASTIC_MODELS, HOTTEST
-from cable_twin.scenario.sections.quantities import FromList, Place, Section, Vector, quantity
+from cable_twin.scenario.sections.quantities import FromList, Place, Section, Vector, quantity, strength
 
 
 class EndSupport(Section):
@@ -86,13 +86,9 @@ class Cable(Section):
     unstrained_length: float = quantity("m", "length without tension", gt=0)
     mass_per_length: float = quantity("kg/m", "mass per unstrained length", gt=0)
     axial_stiffness: float = quantity("N", "EA, Young's modulus times area of the steel", gt=0)
-    breaking_force: float | None = quantity("N", "minimum breaking force, for the rope safety factor", None, gt=0)
-    calculated_breaking_force: float | None = quantity(
-        "N", "sum of the breaking forces of all wires, which some rules compare", None, gt=0
-    )
-    tested_breaking_force: float | None = quantity(
-        "N", "breaking force of a sample in a test, which some rules compare", None, gt=0
-    )
+    breaking_force: float | None = strength("minimum")
+    calculated_breaking_force: float | None = strength("calculated")
+    tested_breaking_force: float | None = strength("tested")
     metal_area: float | None = quantity("m^2", "metallic cross-section of the rope, for rules", None, gt=0)
     largest_wire: float | None = quantity("m", "diameter of the thickest wire, for rules", None, gt=0, le=0.05)
     bending_stiffness: float = quantity("N m^2", "EI, resistance of the rope to bending", ge=0)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+BREAKING_FORCES = {
+    "minimum": "minimum breaking force, for the rope safety factor",
+    "calculated": "sum of the breaking forces of all wires, which some rules compare",
+    "tested": "breaking force of a sample in a test, which some rules compare",
+}
 OF_KIND = "unit of the kind"  # of a quantity that depends on the kind of sensor
 
 FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
@@ -45,6 +50,11 @@ def quantity(unit: str, description: str, default: Any = ..., **bounds: Any) -> 
         The pydantic field.
     """
     return Field(default, description=f"{description} ({unit})", json_schema_extra={"unit": unit}, **bounds)
+
+
+def strength(kind: Literal["minimum", "calculated", "tested"]) -> Any:
+    """Schema field for a breaking force of a rope, null where it is not known."""
+    return quantity("N", BREAKING_FORCES[kind], None, gt=0)
 
 
 def in_space(vector: tuple[float, ...]) -> tuple[float, ...]:
