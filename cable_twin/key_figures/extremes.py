@@ -15,9 +15,10 @@ from cable_twin.mechanics.language import declared
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.declared import Of
 from cable_twin.mechanics.parameters import FloatArray, IntArray
-from cable_twin.scenario import Grading, Scenario, masts
+from cable_twin.scenario import Grading, Scenario, in_space, masts
 from cable_twin.scenario.builders.outlines import body_outline
 from cable_twin.scenario.builders.vehicles import stop_stroke
+from cable_twin.scenario.sections.couplings import Sheave
 from cable_twin.scenario.sections.vehicles import Body
 
 EXTREME = 7  # numbers of an extreme, by these indices; NaN where there is none
@@ -83,6 +84,8 @@ class Extremes(NamedTuple):
     slip: Annotated[FloatArray, Of("sheave", EXTREME, unit="m", first=nan)]
     rolled_back: Annotated[FloatArray, Of("sheave", EXTREME, first=nan)]
     sheave_travel: Annotated[FloatArray, Of("sheave", EXTREME, unit="m", first=nan)]
+    sheave_pull: Annotated[FloatArray, Of("sheave", EXTREME, unit="N", first=nan)]  # of a hydraulic tensioner
+    lowest_sheave_pull: Annotated[FloatArray, Of("sheave", EXTREME, unit="N", first=nan)]
     lowest_sheave_travel: Annotated[FloatArray, Of("sheave", EXTREME, unit="m", first=nan)]
     pantograph_force: Annotated[FloatArray, Of("pantograph", EXTREME, unit="N", first=nan)]
     lowest_pantograph_force: Annotated[FloatArray, Of("pantograph", EXTREME, unit="N", first=nan)]
@@ -117,6 +120,8 @@ class Constants(NamedTuple):
     stroke: FloatArray  # (vehicles,) m, of the end stops of carriages; 0 without
     empty: FloatArray  # (vehicles,) kg
     radius: FloatArray  # (sheaves,) m
+    strand_ends: IntArray  # (sheaves, 2) rows of supports
+    pulled_along: FloatArray  # (sheaves, 3) direction of the pull of a hydraulic tensioner; NaN without one
     available: FloatArray  # (sheaves,) friction times wrap: highest logarithm of the tension ratio
 
 
@@ -195,8 +200,25 @@ def constants_of(scenario: Scenario, layout: Layout) -> Constants:
         stroke=stroke,
         empty=np.array([sum(body.mass for body in own) for own in bodies], np.float64),
         radius=np.array([wheel.radius for wheel in wheels], np.float64),
+        strand_ends=_strand_ends(scenario),
+        pulled_along=np.array([_pulled_along(wheel) for wheel in wheels]).reshape(-1, 3),
         available=np.array([wheel.friction * wheel.wrap for wheel in wheels], np.float64),
     )
+
+
+def _strand_ends(scenario: Scenario) -> IntArray:
+    """Rows (sheaves, 2) of the supports that are the ends of strands joined by each bullwheel."""
+    rows = {one.key: row for row, one in enumerate(supports_of(scenario))}
+    found = [[rows[f"ropes.{joined}"] for joined in wheel.joins] for wheel in scenario.sheaves.values()]
+    return np.array(found, np.int64).reshape(-1, 2)
+
+
+def _pulled_along(wheel: Sheave) -> FloatArray:
+    """Unit vector (3,) of the pull of a bullwheel's hydraulic tensioner; NaN without one."""
+    if wheel.hydraulics is None:
+        return np.full(3, nan)
+    given = np.array(in_space(wheel.hydraulics.direction))
+    return np.asarray(given / np.linalg.norm(given))
 
 
 def no_extremes(scenario: Scenario) -> Extremes:

@@ -303,6 +303,13 @@ def take_sheaves(extremes, constants, time, columns):
         highest(extremes.rolled_back, sheave, columns.sheave_rolled_back[sheave], time, nan, NO_ROPE)
         highest(extremes.sheave_travel, sheave, travel, time, nan, NO_ROPE)
         lowest(extremes.lowest_sheave_travel, sheave, travel, time, nan, NO_ROPE)
+        pull = 0.0
+        for side in range(2):
+            for axis in range(3):
+                force = columns.support_force[constants.strand_ends[sheave, side], axis]
+                pull += constants.pulled_along[sheave, axis] * force
+        highest(extremes.sheave_pull, sheave, pull, time, nan, NO_ROPE)
+        lowest(extremes.lowest_sheave_pull, sheave, pull, time, nan, NO_ROPE)
     if constants.radius.size > 0:
         extremes.carried_now[:] = 0.0
         for vehicle in range(constants.empty.size):

@@ -408,6 +408,8 @@ class KeyFigures:
             source = f"scenario: sheaves.{name}.{kind}.travel"
             yield extreme(f"{kind}_travel", subject, "highest", extremes.sheave_travel[row]).limited(high, source)
             yield extreme(f"{kind}_travel", subject, "lowest", extremes.lowest_sheave_travel[row]).limited(low, source)
+        for kept, which in ((extremes.sheave_pull, "highest"), (extremes.lowest_sheave_pull, "lowest")):
+            yield extreme("hydraulics_pull", subject, which, kept[row])  # none without a hydraulic tensioner
 
     def _of_loads(self) -> Iterator[KeyFigure]:
         """Load of the carriers on each rope from which carriers hang, as key figures."""

@@ -78,6 +78,7 @@ _ROWS = (
     Quantity("derailed", "derailed", "1 for a tower whose grooves the rope has left", "-", HIGHEST),
     Quantity("counterweight_travel", "counterweight travel", "travel of a counterweight as it falls", "m", BOTH),
     Quantity("hydraulics_travel", "hydraulics travel", "travel of a hydraulic tensioner as it pulls", "m", BOTH),
+    Quantity("hydraulics_pull", "hydraulics pull", "pull of both strands on a hydraulic tensioner", "N", BOTH),
     Quantity("speed", "speed", "speed of a vehicle or a drive, in either direction", "m/s", HIGHEST),
     Quantity("drive_speed", "drive speed", "speed of the haul rope at its drive, in either direction", "m/s", HIGHEST),
     Quantity("drive_force", "drive force", "force of a drive, in either direction", "N", HIGHEST),

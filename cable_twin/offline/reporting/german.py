@@ -297,6 +297,7 @@ QUANTITIES: Mapping[str, str] = {
     "derailed": "Seil entgleist",
     "counterweight_travel": "Weg des Spanngewichts",
     "hydraulics_travel": "Weg der hydraulischen Spanneinrichtung",
+    "hydraulics_pull": "Zug der hydraulischen Spanneinrichtung",
     "speed": "Geschwindigkeit",
     "drive_speed": "Geschwindigkeit am Antrieb",
     "drive_force": "Antriebskraft",
