@@ -12,6 +12,7 @@ from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.equations_of_motion import assemble, largest_gap, solve_accelerations
+from cable_twin.mechanics.solution.catenary import rest_over_supports
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError, catenary, lay_straight, settle
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.relaxation import MAX_RELAXATIONS, hang_carriages
@@ -183,6 +184,16 @@ def test_ends_that_no_catenary_meets_are_named():
     system = system._replace(cable=system.cable._replace(mass_per_length=1e307))
     with np.errstate(all="ignore"), pytest.raises(EquilibriumError, match="no catenary of 101 m reaches over 100 m"):
         settle(system, state, work)
+
+
+def test_a_catenary_that_would_push_is_told_as_one():
+    """Formerly `it misses by 1.56e-11 m`."""
+    weight = dict.fromkeys(("direction", "mass", "travel"))
+    changes = {f"cable.start.{key}": value for key, value in weight.items()} | {"cable.start.support": "pinned"}
+    changes |= {"cable.unstrained_length": 6000.0, "towers.tower.position": [100.0, 400.0]}
+    system = build_system(load_scenario("aerial_tramway", changes))
+    with pytest.raises(EquilibriumError, match="over a tower: the one found would push, as an arch; allowed: another"):
+        rest_over_supports(system)
 
 
 @pytest.mark.parametrize("field", ["nodes.position", "nodes.velocity", "bodies.position", "joints.velocity"])

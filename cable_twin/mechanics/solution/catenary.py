@@ -162,8 +162,9 @@ def rest_over_supports(system: System) -> Rest:
         towers = {0: "", 1: " over a tower"}.get(count - 1, f" over {count - 1} towers")
         reach = f"of {length:g} m reaches over {across:g} m and up {height:g} m{towers}"
         if end < 0:
+            misses = f"it misses by {with_unit(missed * length, 'm', 3)}"
             raise EquilibriumError(
-                f"no catenary {reach}: it misses by {with_unit(missed * length, 'm', 3)}; "
+                f"no catenary {reach}: {misses if not missed < 1e-6 else 'the one found would push, as an arch'}; "
                 "allowed: another cable.unstrained_length, or other places of its supports"
             )
         raise _too_light(end, given, reach, weight * length)
