@@ -11,8 +11,8 @@ from cable_twin.mechanics.language.declared import arrays_of, clone
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
-from cable_twin.mechanics.solution.equations_of_motion import assemble, largest_gap, solve_accelerations
 from cable_twin.mechanics.solution.catenary import rest_over_supports
+from cable_twin.mechanics.solution.equations_of_motion import assemble, largest_gap, solve_accelerations
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError, catenary, lay_straight, settle
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.relaxation import MAX_RELAXATIONS, hang_carriages
