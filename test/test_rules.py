@@ -413,6 +413,32 @@ def test_each_of_several_stops_is_judged_by_its_mean_deceleration(tmp_path):
     assert (one.state, one.value) == ("not kept", 2.6)
 
 
+@pytest.mark.parametrize(
+    ("stop", "means", "value", "state", "reason"),
+    [
+        ("stop", ["emergency_brake"], 0.8, "not decided", "a stop by the motor tells nothing of a brake alone"),
+        ("emergency stop", ["drive"], 0.8, "not decided", "a stop by drive tells nothing of a brake alone"),
+        ("emergency stop", ["drive"], 1.9, "not decided", "a stop by drive tells nothing of a brake alone"),
+        ("emergency stop", ["emergency_brake"], 0.8, "not decided", "not tried alone: service_brake"),
+        ("emergency stop", ["emergency_brake"], 1.9, "not kept", ""),
+        ("emergency stop", ["service_brake", "emergency_brake"], 0.8, "not decided", "a stop by service_brake and"),
+        ("emergency stop", ["track_rope_brake"], 0.8, "not decided", "a stop by track_rope_brake tells"),
+    ],
+)
+def test_a_rule_on_each_brake_is_kept_by_brakes_that_have_stopped_it_alone(stop, means, value, state, reason):
+    """Formerly kept by a service stop of the motor."""
+    changes = {"carriages.cabin.drive.emergency_stop": means, "limits.profile": ["france_1985"]}
+    where = f"{stop} from 7.00 m/s at 300.0 m"
+    one = figure("mean_deceleration", Subject("carriages.cabin", "cabin"), "mean", value, 60.0, where)
+    found = {one.check: one for one in judge(load_scenario("aerial_tramway", changes), [one])}
+    assert (found["FR85-04"].state, found["FR85-04"].value) == (state, value)
+    assert found["FR85-04"].reason.startswith(reason)
+    if (state, means) == ("not decided", ["emergency_brake"]) and stop == "emergency stop":
+        changes["carriages.cabin.drive.service_brake"] = None
+        found = {one.check: one for one in judge(load_scenario("aerial_tramway", changes), [one])}
+        assert found["FR85-04"].state == "kept"
+
+
 def test_running_speed_of_a_cabin_on_a_haul_rope_is_that_of_the_rope(tmp_path):
     (found,) = [load_profile(profile(tmp_path, limit=8.0))]
     found = found._replace(document=found.document.model_copy(update={"systems": (REVERSIBLE,)}))

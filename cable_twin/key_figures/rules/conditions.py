@@ -7,8 +7,10 @@ from collections.abc import Callable, Mapping
 from math import hypot
 from typing import Any, Literal, get_args, get_origin
 
+from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.rules.expressions import MissingError
 from cable_twin.key_figures.rules.subjects import Subjects, rope_roles
+from cable_twin.key_figures.stops import EMERGENCY
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.checks.fault import scalar, show
 from cable_twin.scenario.sections.limits import Installation
@@ -37,6 +39,7 @@ OF_SCENARIO = {
     "wrap": ("wrap of the rope on the bullwheel", "rad"),
     "derailment_ratio": ("lateral over normal force at which the rope leaves the tower", "-"),
 }
+ON_DRIVE = "service_brake", "emergency_brake"  # brakes of the drive of a carriage
 OF_SUBJECT = ("friction", "wrap", "derailment_ratio")  # of the subject of a figure: in formulas, not in conditions
 NUMBERS = {"persons": "-", "snow": "m", "wheels": "-", "grip_force": "N"}  # keys of `installation`, with their units
 VARIABLES = {name: unit for name, (_, unit) in OF_SCENARIO.items() if unit} | NUMBERS  # of formulas, with their units
@@ -122,6 +125,27 @@ def facts_of(scenario: Scenario, subjects: Subjects) -> dict[str, Any]:
         "rated_speed": rated,
         "span": max(spans, default=None),
     }
+
+
+def brakes_of(scenario: Scenario, stop: KeyFigure) -> tuple[list[str], list[str]]:
+    """Brakes of a drive, and what has made one of its stops: these brakes, or the drive itself.
+
+    Brakes of carriages on their track ropes are none of a drive.
+
+    Args:
+        scenario: scenario of the run.
+        stop: key figure of the stop, which its place describes.
+    """
+    kind, _, name = stop.id.subject.partition(".")
+    if kind == "drives":
+        brakes = [f"brake of {one}" for one, wheel in scenario.sheaves.items() if wheel.brake is not None]
+        driven = f"brake of {scenario.drives[name].sheave}" not in brakes
+        acting = [*(["drive"] if driven else []), *brakes]
+    else:
+        drive = scenario.carriages[name].drive
+        brakes = [one for one in ON_DRIVE if getattr(drive, one) is not None]
+        acting = list(drive.emergency_stop)
+    return brakes, acting if stop.place.startswith(EMERGENCY) else []
 
 
 def subject_facts(scenario: Scenario, subject: str) -> dict[str, float]:

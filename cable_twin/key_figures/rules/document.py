@@ -78,6 +78,9 @@ class Check(Strict):
     systems: Texts | None = Field(default=None, description="kinds of ropeway, where not those of the document")
     definition: OneLine = Field(default="", description="what the figure stands for, where words differ")
     load_case: str | None = Field(default=None, description="load case of the document in which it is to be judged")
+    each_brake: bool = Field(
+        default=False, description="true: kept where each brake of the drive keeps it alone, in an emergency stop"
+    )
     waiver: OneLine = Field(default="", description="what the authority may allow")
     same_as: SameAs | None = Field(default=None, description="the rule in a quantity that other documents compare")
     doubt: OneLine = Field(default="", description="doubt about the text that was read")

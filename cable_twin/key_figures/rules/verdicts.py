@@ -11,7 +11,7 @@ from typing import Any
 
 from cable_twin.basics.units import rounded
 from cable_twin.key_figures.figure import TOLERANCE, KeyFigure
-from cable_twin.key_figures.rules.conditions import NUMBERS, facts_of, holds, subject_facts, system_of
+from cable_twin.key_figures.rules.conditions import NUMBERS, brakes_of, facts_of, holds, subject_facts, system_of
 from cable_twin.key_figures.rules.derived import derived_figures
 from cable_twin.key_figures.rules.document import UNITS, Check, Compared, Profile, profiles_of
 from cable_twin.key_figures.rules.expressions import FormulaError, MissingError, value_of
@@ -206,11 +206,27 @@ class Judge:
             bounds = {at_rest or compared}
         if not found:
             return base.open(self._why_none(check.quantity or ""))
+        if check.each_brake:
+            return self._of_brakes(base, quantity, bounds, found)
         worst = min((self._of_figure(base, quantity, bounds, one) for one in found), key=severity)
         if worst.state == KEPT and (lacking := self._without(quantity, found)):
             name = quantity.partition("/")[0]
             return base.open(f"{' and '.join(lacking)} without figure {name}, which needs {NEEDS[name]}")
         return worst
+
+    def _of_brakes(self, base: _Base, quantity: str, bounds: set[Compared], found: Iterable[KeyFigure]) -> RuleVerdict:
+        """Verdict on the stops of a run by a rule for each brake alone: a run is made with one set of brakes."""
+        verdicts = []
+        for one in found:
+            verdict, (brakes, acting) = self._of_figure(base, quantity, bounds, one), brakes_of(self._scenario, one)
+            others = [brake for brake in brakes if brake not in acting]
+            if len(acting) != 1 or acting[0] not in brakes:
+                by = " and ".join(acting or ["the motor"])
+                verdict = replace(verdict, state=NOT_DECIDED, reason=f"a stop by {by} tells nothing of a brake alone")
+            elif others and verdict.state == KEPT:
+                verdict = replace(verdict, state=NOT_DECIDED, reason=f"not tried alone: {', '.join(others)}")
+            verdicts.append(verdict)
+        return min(verdicts, key=severity)
 
     def _without(self, quantity: str, found: Iterable[KeyFigure]) -> list[str]:
         """Ropes, towers and bullwheels of a rule's role whose data do not give its figure, `found` of others."""
