@@ -16,7 +16,7 @@ from cable_twin.frame.records import CableSamples
 from cable_twin.mechanics.parameters import ELEMENT_FRAME, System
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.sections.vehicles import Carriage
+from cable_twin.scenario.sections.vehicles import Carriage, CarrierKind
 
 ROUNDING = 1e-9  # strain of compression by rounding alone
 SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is off by about a tenth of the sag then
@@ -26,6 +26,9 @@ STATION = 0.25  # of the mean span, below which towers carry a bend of the rope 
 SHAKE = 0.01  # of the depth in a saddle, by which a vehicle may rise and sink from contact point to contact point
 STEPS = 5.0  # in an element that a joint with a node of its own passes, below which its force is wrong, measured
 STEPS_IN_SWING = 12.0  # below which its period is off by 2.5 % and more, of generalized-alpha with a radius of 0.7
+FASTEST = 15.0  # m/s: the fastest aerial tramways run at 12.5, lifts at up to 8.5
+ROUGHEST = 0.1  # of rolling friction: of lined rollers 0.003 to 0.03
+LIGHTEST = 0.02  # of the mass of a vehicle, below which a payload is hardly one: of chairs and cabins 0.5 to 2
 REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from which on nothing grows, measured
 
 
@@ -44,6 +47,39 @@ def check_pressure(system: System, rope: CableSamples) -> None:
             f"{with_unit(pressure, 'N')}, which only "
             "a strut bears; allowed: a number above 0 in N m^2, a shorter cable, or gravity"
         )
+
+
+def warn_of_units(scenario: Scenario) -> None:
+    """Warn of speeds, friction and payloads that are hardly those of a ropeway, as in km/h, in % and in t."""
+    limits = {f"{scenario.drive_key(name)}.limits": one.limits for name, one in scenario.drives.items()}
+    rolling = {f"carriages.{name}": one.friction.rolling for name, one in scenario.carriages.items()}
+    kinds: dict[str, Carriage | CarrierKind] = {f"carriages.{name}": one for name, one in scenario.carriages.items()}
+    limits |= {f"carriages.{name}.drive.limits": one.drive.limits for name, one in scenario.carriages.items()}
+    if scenario.carriers is not None:
+        rolling["carriers"] = scenario.carriers.friction.rolling
+        kinds |= {".".join(path): kind for path, kind in scenario.carriers.kinds_by_path.items()}
+    told = []
+    for key, one in limits.items() if kinds else ():
+        if (speed := one.speed or 0.0) > FASTEST:
+            told.append(
+                f"{key}.speed of {speed:g} m/s: ropeways run at up to {FASTEST:g} m/s; {speed:g} km/h are "
+                f"{speed / 3.6:.3g} m/s"
+            )
+    for key, share in rolling.items():
+        if share > ROUGHEST:
+            told.append(
+                f"{key}.friction.rolling of {share:g}: rollers have 0.003 to 0.03; {share:g} % are {0.01 * share:g}"
+            )
+    for key, kind in kinds.items():
+        empty = sum(body.mass for body in kind.bodies.values())
+        room = empty if kind.payload is None else kind.payload.capacity
+        if room < LIGHTEST * empty:
+            told.append(
+                f"{key}.payload.capacity of {room:g} kg: less than {100.0 * LIGHTEST:g} % of the {empty:g} kg that "
+                f"carry it; {room:g} t are {1e3 * room:g} kg"
+            )
+    for line in told:
+        warnings.warn(line, stacklevel=3)
 
 
 def warn_of_frames(system: System, rope: CableSamples) -> None:

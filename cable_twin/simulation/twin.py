@@ -45,6 +45,7 @@ from cable_twin.simulation.start_checks import (
     warn_of_mesh,
     warn_of_saddles,
     warn_of_swings,
+    warn_of_units,
 )
 from cable_twin.simulation.vehicle_contacts import VehicleContacts
 
@@ -173,6 +174,7 @@ class Simulation(Queries):
             self._engine.find_rest(near)
             # compiles what reads the state, while the other process is still at it
             first = self._observer.snapshot(0.0, NOTHING_DONE)
+            warn_of_units(scenario)
             for part, rope in zip(self._parts, first.ropes.values(), strict=True):
                 check_pressure(part.system, rope)
                 warn_of_frames(part.system, rope)

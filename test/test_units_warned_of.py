@@ -1,0 +1,51 @@
+"""Values that are possible and hardly meant, as those in another unit, are warned of."""
+
+import warnings
+
+import pytest
+
+from cable_twin.scenario import load_scenario, scenario_names
+from cable_twin.simulation import Simulation
+from cable_twin.simulation.start_checks import warn_of_units
+
+KMH = r"carriages.cabin.drive.limits.speed of 36 m/s: ropeways run at up to 15 m/s; 36 km/h are 10 m/s"
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "said"),
+    [
+        ("aerial_tramway", {"carriages.cabin.drive.limits.speed": 36.0}, KMH),
+        ("chairlift", {"sheaves.drive.drive.limits.speed": 18.0}, "limits.speed of 18 m/s: .*; 18 km/h are 5 m/s"),
+        (
+            "single_span",
+            {"carriages.cabin.friction.rolling": 0.5},
+            "rolling of 0.5: .*; 0.5 % are 0.005",
+        ),
+        ("bicable", {"carriers.friction.rolling": 0.5}, "carriers.friction.rolling of 0.5: "),
+        (
+            "aerial_tramway",
+            {"carriages.cabin.payload.capacity": 6.4, "carriages.cabin.payload.mass": 6.4},
+            "payload.capacity of 6.4 kg: less than 2 % of the 5600 kg that carry it; 6.4 t are 6400 kg",
+        ),
+        (
+            "chairlift",
+            {"carriers.payload.capacity": 0.3, "carriers.payload.leaving": {"return": 0.3}},
+            "of 0.3 kg: .*; 0.3 t are 300 kg",
+        ),
+    ],
+)
+def test_values_of_another_unit_are_warned_of(name, changes, said):
+    with pytest.warns(UserWarning, match=said):
+        warn_of_units(load_scenario(name, changes))
+
+
+def test_shipped_scenarios_are_not_warned_of():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for name in scenario_names():
+            warn_of_units(load_scenario(name))
+
+
+def test_a_simulation_warns():
+    with pytest.warns(UserWarning, match=KMH):
+        Simulation(load_scenario("aerial_tramway", {"carriages.cabin.drive.limits.speed": 36.0}))
