@@ -506,7 +506,13 @@ def test_inputs_have_points_without_numbers_and_a_common_remark_once():
 def test_tower_loads_stand_below_each_other_and_no_text_on_another_or_the_axis(name):
     scenario = load_scenario(name)
     towers = [
-        TowerLoad(f"towers.{tower}", tower, np.array(place), np.array([-2e3, -6.1e-9, 4e4 if number == 1 else -1e5]))
+        TowerLoad(
+            f"towers.{tower}",
+            tower,
+            np.array(place),
+            np.array([-2e3, -6.1e-9, 4e4 if number == 1 else -1e5]),
+            np.array([-1e3, 0.0, -3e4]),
+        )
         for number, (tower, place) in enumerate(scenario.tower_places.items())
     ]
     figures = [figure("support_load", Subject(one.subject), "highest", 1e5, 0.0) for one in towers]
@@ -527,7 +533,9 @@ def test_tower_loads_stand_below_each_other_and_no_text_on_another_or_the_axis(n
                 assert abs(y - other_y) >= 12.0 or left >= other_left + other_width or other_left >= left + width
         dots |= {float(x) for x in re.findall(r'<circle cx="([\d.]+)"', svg)}
     assert len(dots) == len({one.place[0] for one in towers})
-    assert tower_loads(found, Texts("en"))["rows"][0].left == 0.0  # formerly -6.1e-09 N
+    highest, lowest = tower_loads(found, Texts("en"))["rows"][:2]
+    assert highest.left == 0.0  # formerly -6.1e-09 N
+    assert (lowest.load, lowest.along, lowest.down) == ("lowest", -1e3, 3e4)
 
 
 @pytest.mark.parametrize(("value", "below"), [(1.0, False), (9.0, True), (9.5, True)])

@@ -1,4 +1,4 @@
-"""Range of tension along each rope, and highest force on each support, over the states and runs of load cases."""
+"""Range of tension along each rope, and highest and least force on supports, over states and runs of load cases."""
 
 from __future__ import annotations
 
@@ -32,10 +32,11 @@ class Tensions(NamedTuple):
 
 
 class Ranges(NamedTuple):
-    """Ranges of the tensions of ropes, by name, and highest forces (3,) N of ropes on supports, by subject."""
+    """Ranges of tensions of ropes, by name, and highest and least forces (3,) N of ropes on supports, by subject."""
 
     tensions: Mapping[str, Tensions]
     forces: Mapping[str, FloatArray]
+    least_forces: Mapping[str, FloatArray]
 
     def plain(self) -> dict[str, Any]:
         """Plain data of the ranges, for JSON."""
@@ -43,7 +44,10 @@ class Ranges(NamedTuple):
             name: {key: one.tolist() for key, one in tension._asdict().items()}
             for name, tension in self.tensions.items()
         }
-        return {"tensions": tensions, "forces": {key: one.tolist() for key, one in self.forces.items()}}
+        forces, least = (
+            {key: one.tolist() for key, one in found.items()} for found in (self.forces, self.least_forces)
+        )
+        return {"tensions": tensions, "forces": forces, "least_forces": least}
 
 
 def ranges_of_plain(data: Mapping[str, Any]) -> Ranges:
@@ -58,13 +62,18 @@ def ranges_of_plain(data: Mapping[str, Any]) -> Ranges:
         name: Tensions(*(np.array(one[key], dtype=np.float64) for key in Tensions._fields))
         for name, one in data["tensions"].items()
     }
-    return Ranges(tensions, {key: np.array(one, dtype=np.float64) for key, one in data["forces"].items()})
+    forces, least = (
+        {key: np.array(one, dtype=np.float64) for key, one in found.items()}
+        for found in (data["forces"], data.get("least_forces", {}))  # not of earlier versions
+    )
+    return Ranges(tensions, forces, least)
 
 
 def united(of_cases: Iterable[Ranges]) -> Ranges:
     """Ranges over several load cases, each tension at the arc lengths of the first case that has the rope."""
     tensions: dict[str, Tensions] = {}
     forces: dict[str, FloatArray] = {}
+    least: dict[str, FloatArray] = {}
     for one in of_cases:
         for name, tension in one.tensions.items():
             first = tensions.setdefault(name, tension)
@@ -73,7 +82,33 @@ def united(of_cases: Iterable[Ranges]) -> Ranges:
         for key, force in one.forces.items():
             if key not in forces or np.linalg.norm(force) > np.linalg.norm(forces[key]):
                 forces[key] = force
-    return Ranges(tensions, forces)
+        for key, force in one.least_forces.items():
+            if key not in least or np.linalg.norm(force) < np.linalg.norm(least[key]):
+                least[key] = force
+    return Ranges(tensions, forces, least)
+
+
+class SupportForces:
+    """Collector of the highest and the least force of ropes on supports.
+
+    Args:
+        count: number of supports.
+
+    Attributes:
+        most: (supports, 3) N, each with the highest load so far; NaN without one.
+        least: (supports, 3) N, each with the least load so far.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.most, self.least = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
+        self._high, self._low = np.full(count, -np.inf), np.full(count, np.inf)
+
+    def take(self, on_ropes: FloatArray) -> None:
+        """Update the forces with those (supports, 3) in N of supports on ropes; NaN is ignored."""
+        loads = np.linalg.norm(on_ropes, axis=1)
+        higher, lower = loads > self._high, loads < self._low
+        self._high[higher], self.most[higher] = loads[higher], -on_ropes[higher]
+        self._low[lower], self.least[lower] = loads[lower], -on_ropes[lower]
 
 
 class RangeCollector:
@@ -88,8 +123,7 @@ class RangeCollector:
         self._ropes: Mapping[str, slice] = {}
         self._arc_lengths = np.zeros(0)
         self._tension = np.zeros((2, 0))
-        self._forces = np.zeros((len(self._subjects), 3))
-        self._loads = np.full(len(self._subjects), -np.inf)
+        self._forces = SupportForces(len(self._subjects))
 
     def take(self, snapshot: Snapshot) -> None:
         """Update the ranges with a snapshot."""
@@ -99,13 +133,16 @@ class RangeCollector:
             self._tension = np.array([columns.rope_tension, columns.rope_tension])
         np.fmin(self._tension[0], columns.rope_tension, out=self._tension[0])
         np.fmax(self._tension[1], columns.rope_tension, out=self._tension[1])
-        loads = np.linalg.norm(columns.support_force, axis=1)
-        higher = loads > self._loads
-        self._loads[higher], self._forces[higher] = loads[higher], -columns.support_force[higher]
+        self._forces.take(columns.support_force)
 
     def ranges(self) -> Ranges:
         """Ranges over all snapshots so far; empty without one."""
         tensions = {
             name: Tensions(self._arc_lengths[part], *self._tension[:, part]) for name, part in self._ropes.items()
         }
-        return Ranges(tensions, dict(zip(self._subjects, self._forces, strict=True)) if tensions else {})
+        if not tensions:
+            return Ranges({}, {}, {})
+        highest, least = (
+            dict(zip(self._subjects, one, strict=True)) for one in (self._forces.most, self._forces.least)
+        )
+        return Ranges(tensions, highest, least)

@@ -27,7 +27,7 @@ from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.simulation.rests import Rests
 
 MOST_OF_PART = 10  # cases between two looks at what is finished
-NO_RANGES = Ranges({}, {})
+NO_RANGES = Ranges({}, {}, {})
 OFF_MESH = re.compile(r"payload|^carriers\.loaded$|^air\.wind|\.counterweight\.|\.hydraulics\.|^limits\.")
 
 

@@ -19,7 +19,7 @@ from cable_twin.offline.envelopes.ranges import Ranges, ranges_of_plain
 from cable_twin.offline.envelopes.runs import Bases, first_of_each_mesh, mesh_key, rest_again
 from cable_twin.offline.export import figure_of_columns
 from cable_twin.offline.lines.at_rest import Line, at_place
-from cable_twin.offline.reporting.from_log import PLACES, take_heights, tower_loads
+from cable_twin.offline.reporting.from_log import PLACES, take_heights
 from cable_twin.offline.reporting.judging import judge_extremes, with_rules
 from cable_twin.offline.reporting.remarks import ScenarioText, inputs_of
 from cable_twin.offline.reporting.results import Case, Results, ResultsError, RopeCourse, TowerLoad
@@ -216,13 +216,11 @@ def _towers(
         if load is None or subject.name not in scenario.towers:
             continue
         snapshot = found.get(Governing(governing[load.id], load.time))
-        if snapshot is None:  # of a case in motion, or beyond those that are found again
-            place = np.array(scenario.tower_places[subject.name])
-            force = ranges.forces.get(subject.key, np.full(3, np.nan))
-            towers.append(TowerLoad(subject.key, subject.name, place, force))
-            continue
-        forces = -snapshot.columns.support_force
-        if abs(float(np.linalg.norm(forces[row])) - load.value) > SAME * load.value:
-            return None
-        towers += [one for one in tower_loads(scenario, snapshot.layout, forces) if one.subject == subject.key]
+        force = ranges.forces.get(subject.key, np.full(3, np.nan))  # of a case in motion, or not found again
+        if snapshot is not None:
+            force = -snapshot.columns.support_force[row]
+            if abs(float(np.linalg.norm(force)) - load.value) > SAME * load.value:
+                return None
+        least = ranges.least_forces.get(subject.key, np.full(3, np.nan))
+        towers.append(TowerLoad(subject.key, subject.name, np.array(scenario.tower_places[subject.name]), force, least))
     return towers

@@ -14,6 +14,7 @@ from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.geometry.ground import heights_over_ground
 from cable_twin.key_figures import supports_of
+from cable_twin.offline.envelopes.ranges import SupportForces
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.reporting.remarks import inputs_of
 from cable_twin.offline.reporting.results import Results, RopeCourse, TowerLoad
@@ -49,16 +50,13 @@ class Course:
         self._shape: FloatArray | None = None
         self._tension = np.full((2, first.layout.arc_lengths.size), np.nan)
         self._grids: dict[str, tuple[FloatArray, FloatArray, FloatArray]] = {}
-        self._load = np.full(len(first.layout.supports), -np.inf)
-        self._force = np.zeros((len(first.layout.supports), 3))
+        self._forces = SupportForces(len(first.layout.supports))
 
     def log(self, snapshot: Snapshot) -> None:
         """Add a snapshot of the run to courses, counts and loads."""
         self._life.log(snapshot)
         c = snapshot.columns
-        load = np.linalg.norm(c.support_force, axis=1)
-        higher = load > self._load  # False for NaN
-        self._load[higher], self._force[higher] = load[higher], -c.support_force[higher]
+        self._forces.take(c.support_force)
         if np.isnan(c.rope_position[0, 0]):
             return  # the log does not hold the rope at this time
         self._tension[0] = np.fmin(self._tension[0], c.rope_tension)
@@ -98,8 +96,8 @@ class Course:
         return self._life.lives()
 
     def towers(self) -> list[TowerLoad]:
-        """Forces of the ropes on all towers, each at the time of its highest load."""
-        return tower_loads(self._scenario, self._layout, self._force)
+        """Forces of the ropes on all towers, each at the time of its highest and of its least load."""
+        return tower_loads(self._scenario, self._layout, self._forces.most, self._forces.least)
 
 
 def take_heights(scenario: Scenario, points: FloatArray, x: FloatArray, lowest: FloatArray, above: FloatArray) -> None:
@@ -120,18 +118,19 @@ def take_heights(scenario: Scenario, points: FloatArray, x: FloatArray, lowest: 
         np.fmin(above, np.interp(x, there, heights, left=np.nan, right=np.nan), out=above)
 
 
-def tower_loads(scenario: Scenario, layout: Layout, forces: FloatArray) -> list[TowerLoad]:
+def tower_loads(scenario: Scenario, layout: Layout, forces: FloatArray, least: FloatArray) -> list[TowerLoad]:
     """Forces of the ropes on towers, with places of the towers, from the forces on all supports.
 
     Args:
         scenario: of the towers.
         layout: of the forces.
-        forces: (supports, 3) N, of the ropes on all supports.
+        forces: (supports, 3) N, of the ropes on all supports, with the highest loads.
+        least: (supports, 3) N, with the least loads.
     """
     places = scenario.tower_places
     subjects = supports_of(scenario)
     return [
-        TowerLoad(subject.key, subject.name, np.array(places[subject.name]), forces[row])
+        TowerLoad(subject.key, subject.name, np.array(places[subject.name]), forces[row], least[row])
         for row, subject in enumerate(subjects)
         if row in layout.tower_rows
     ]

@@ -73,6 +73,7 @@ TEXTS: Mapping[str, str] = {
     "input": "Eingabe",
     "remark in the scenario": "Vermerk im Szenario",
     "tower": "Stütze",
+    "load": "Last",
     "lowest place": "tiefste Lage",
     "highest": "größte",
     "lowest": "kleinste",
@@ -146,9 +147,10 @@ TEXTS: Mapping[str, str] = {
         "Pfeile: größte Kraft des Seils auf jede Stütze, die eines Seils in einem Maßstab, in Bahnrichtung "
         "und lotrecht."
     ),
-    "Components are those of the frame with the highest load.": "Komponenten im Augenblick der größten Last.",
-    "Components are those of the governing case with the highest load; of a case in motion, at the instant of that "
-    "load.": "Komponenten im maßgebenden Lastfall; bei einem bewegten im Augenblick der größten Last.",
+    "Components are those of the frame with that load.": "Komponenten im Augenblick dieser Last.",
+    "Components are those of the governing case with that load; of a case in motion, at the instant of that load.": (
+        "Komponenten im maßgebenden Lastfall; bei einem bewegten im Augenblick dieser Last."
+    ),
     "Lines and dashes are of cases at rest, those of their largest sags, least clearances, and extreme tensions and "
     "tower loads. Points and tables have the cases in motion too.": (
         "Linien und Striche sind von Lastfällen in Ruhe, denen mit deren größten Durchhängen, kleinsten Abständen "

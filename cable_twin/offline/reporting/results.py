@@ -44,19 +44,21 @@ class RopeCourse:
 
 @dataclass(frozen=True, slots=True)
 class TowerLoad:
-    """Highest force of a rope on a tower over a run or over load cases.
+    """Highest and least force of a rope on a tower over a run or over load cases.
 
     Attributes:
         subject: part of the ids of the tower's figures, as towers.tower_1_up.
         tower: name of the support.
         place: (3,) m.
-        force: (3,) N, of the rope on the tower; NaN where not known.
+        force: (3,) N, of the rope on the tower, with the highest load; NaN where not known.
+        least: (3,) N, with the least load; NaN where not known.
     """
 
     subject: str
     tower: str
     place: FloatArray
     force: FloatArray
+    least: FloatArray
 
 
 @dataclass(frozen=True, slots=True)

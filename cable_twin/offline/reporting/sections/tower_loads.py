@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,11 +21,11 @@ MOST_MARKS = 24  # towers of a rope, above which the numbers are in the table al
 
 
 class TowerRow(NamedTuple):
-    """Row of the table of tower loads: extremes, and components (N) of the highest load, NaN where not known."""
+    """Row of the table of tower loads: an extreme, and its components (N), NaN where not known."""
 
     tower: str
-    highest: Row | None
-    lowest: Row | None
+    load: str  # highest or lowest
+    figure: Row | None
     along: float
     left: float
     down: float
@@ -34,7 +34,7 @@ class TowerRow(NamedTuple):
 def tower_loads(results: Results, texts: Texts) -> Mapping[str, Any] | None:
     """Data of the section Tower loads: chart of the tower loads of each rope, table; None without towers."""
     figures = by_id(results)
-    rows = [_row(one, figures, results, texts) for one in results.towers]
+    rows = [row for one in results.towers for row in _rows(one, figures, results, texts)]
     if not rows:
         return None
     by_rope: dict[str, list[TowerLoad]] = {}
@@ -45,11 +45,13 @@ def tower_loads(results: Results, texts: Texts) -> Mapping[str, Any] | None:
     return {"charts": charts, "rows": rows, "in_space": results.scenario.dim == 3}
 
 
-def _row(one: TowerLoad, figures: Mapping[FigureId, KeyFigure], results: Results, texts: Texts) -> TowerRow:
-    both = [figures.get(FigureId("support_load", one.subject, statistic)) for statistic in ("highest", "lowest")]
-    rows = [None if figure is None else row_of(figure, results, texts) for figure in both]
-    along, left, up = np.where(np.abs(one.force) < NEGLIGIBLE * np.linalg.norm(one.force), 0.0, one.force).tolist()
-    return TowerRow(one.tower, rows[0], rows[1], along, left, 0.0 - up)
+def _rows(one: TowerLoad, figures: Mapping[FigureId, KeyFigure], results: Results, texts: Texts) -> Iterator[TowerRow]:
+    for statistic, force in (("highest", one.force), ("lowest", one.least)):
+        figure = figures.get(FigureId("support_load", one.subject, statistic))
+        negligible = NEGLIGIBLE * np.linalg.norm(one.force)
+        along, left, up = np.where(np.abs(force) < negligible, 0.0, force).tolist()
+        row = None if figure is None else row_of(figure, results, texts)
+        yield TowerRow(one.tower, statistic, row, along, left, 0.0 - up)
 
 
 def _chart(
