@@ -281,8 +281,10 @@ class Ensemble:
             CommandError: the command is refused for a member, which the message names; no member is commanded then.
         """
         rows = self._rows(members)
-        several = isinstance(command, Iterable) and not isinstance(command, str)
-        each = list(command) if several else [command] * len(rows)
+        if isinstance(command, Command | str) or not isinstance(command, Iterable):
+            each = [command] * len(rows)
+        else:
+            each = list(command)
         if len(each) != len(rows):
             raise ValueError(f"apply: given {len(each)} commands; allowed: one, or {len(rows)}, one for each member")
         self._apply_each(rows, each)
