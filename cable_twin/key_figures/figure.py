@@ -70,6 +70,11 @@ class Subject(NamedTuple):
     name: str = ""
 
 
+def haul_rope_of(scenario: Scenario, carriage: str) -> Subject:
+    """Subject of the key figures of the haul rope in the drive of a carriage."""
+    return Subject(scenario.haul_rope_key(carriage), f"haul rope of {carriage}")
+
+
 @dataclass(frozen=True, slots=True)
 class KeyFigure:
     """One key figure of a run with its limit."""

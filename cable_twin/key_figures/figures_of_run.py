@@ -35,7 +35,7 @@ from cable_twin.key_figures.extremes_by_frame import (
     take_passing,
     take_surroundings,
 )
-from cable_twin.key_figures.figure import KeyFigure, Subject, figure
+from cable_twin.key_figures.figure import KeyFigure, Subject, figure, haul_rope_of
 from cable_twin.key_figures.stops import CarriedStops, DriveStops, Group, SeatStops, groups_of
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.declared import Memory
@@ -340,7 +340,7 @@ class KeyFigures:
         rope = self._scenario.haul_ropes.get(name)
         if rope is None:
             return
-        subject = Subject(self._scenario.haul_rope_key(name), f"haul rope of {name}")
+        subject = haul_rope_of(self._scenario, name)
         tension = extreme("rope_tension", subject, "highest", self._extremes.haul_tension[row])
         yield tension
         if rope.breaking_force is not None and tension.value > 0.0:

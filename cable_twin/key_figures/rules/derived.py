@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import atan, hypot, inf, pi, sin, tan
 
-from cable_twin.key_figures.figure import KeyFigure, Subject, figure
+from cable_twin.key_figures.figure import KeyFigure, Subject, figure, haul_rope_of
 from cable_twin.key_figures.rules.subjects import Subjects
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.system import tower_friction
@@ -38,9 +38,11 @@ def derived_figures(
         subjects: subjects of the scenario; None to find them.
     """
     found, subjects = Found(figures), subjects or Subjects(scenario)
+    ropes: list[tuple[Subject, Cable | HaulRope]]
+    ropes = [(_named(scenario, name), rope) for name, rope in scenario.cables.items()]
+    ropes += [(haul_rope_of(scenario, name), rope) for name, rope in scenario.haul_ropes.items()]
     return [
-        *(one for name, rope in scenario.cables.items() for one in _of_rope(_named(scenario, name), rope, found)),
-        *(one for name, rope in scenario.haul_ropes.items() for one in _of_rope(_hauling(scenario, name), rope, found)),
+        *(one for subject, rope in ropes for one in _of_rope(subject, rope, found)),
         *(one for tower in scenario.towers for one in _of_tower(scenario, tower, subjects, found)),
         *(one for name in scenario.sheaves for one in _of_bullwheel(scenario, name)),
         *_of_vehicles(scenario, subjects, found),
@@ -79,10 +81,6 @@ def _setting(quantity: str, subject: Subject, statistic: str, value: float) -> K
 
 def _named(scenario: Scenario, rope: str) -> Subject:
     return Subject(f"ropes.{rope}", rope if scenario.ropes else "")
-
-
-def _hauling(scenario: Scenario, carriage: str) -> Subject:
-    return Subject(scenario.haul_rope_key(carriage), f"haul rope of {carriage}")
 
 
 def _of_rope(subject: Subject, rope: Cable | HaulRope, found: Found) -> Iterator[KeyFigure]:
