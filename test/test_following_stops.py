@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops, Stop
-from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.leaps import HELD, Leaps
 from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.pursuit import APART, FRESH, Pursuit

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cable_twin import Ensemble
-from cable_twin.ensemble.estimate.follower import Correction, Follower
+from cable_twin.ensemble.estimate.correction import Correction
+from cable_twin.ensemble.estimate.follower import Follower
 from cable_twin.ensemble.estimate.sensor_faults import Alarm
 from cable_twin.ensemble.estimate.tracker import News, Tracker
 from cable_twin.frame.records import AppliedCommand, Command, FloatArray

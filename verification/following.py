@@ -17,7 +17,8 @@ from rich.console import Console
 from rich.progress import track
 
 from cable_twin.basics.units import NORMAL_95
-from cable_twin.ensemble.estimate.follower import Correction, Follower
+from cable_twin.ensemble.estimate.correction import Correction
+from cable_twin.ensemble.estimate.follower import Follower
 from cable_twin.frame.records import Command
 from cable_twin.frame.sensors import standard_sensors
 from cable_twin.scenario import load_scenario

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from cable_twin.basics.units import NORMAL_95, shown_unit
 from cable_twin.ensemble.ensemble import usable_cores
-from cable_twin.ensemble.estimate.follower import Correction
+from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of, unfollowable
 from cable_twin.ensemble.estimate.quantities import Estimate
 from cable_twin.ensemble.estimate.tracker import Tracker

@@ -7,7 +7,8 @@ them, tell its size, and how likely it is (generalised likelihood ratio, Willsky
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import scipy  # loads `special` where it is used
@@ -22,6 +23,7 @@ from cable_twin.mechanics.parameters import FloatArray
 WRONG = 0.05  # of the load of a support at rest, by which its load cell may be wrong, a standard deviation
 RARER = 4.0  # logarithm of how much rarer a wrong sensor is than none
 DOUBT = 2e-9  # probability of all else, below which a sensor counts as wrong; so small as waves last for some updates
+RIVALS = 1e-3  # the same of errors of all others alone, of a sensor that is kept with its error
 REFUTED = -2.0  # logarithm of how likely, below which a sensor was right so far, and may become wrong from now on
 HALVINGS = 30  # of the range in which a quantile of a mixture is
 RECENT, RENEWED = 2, 5  # hypotheses of each sensor that may be recent, and updates after which one of them begins anew
@@ -36,10 +38,13 @@ class Biases:
         deviations: standard deviation (N) of such an error of each load cell, by name.
         size: number n of quantities of the filter.
         recent: hypotheses of each sensor that it is wrong since lately; 0 for errors from the beginning alone.
+        kept: sensors that are kept where they are wrong, as their error is known then.
     """
 
-    def __init__(self, deviations: Mapping[str, float], size: int, recent: int = RECENT) -> None:
-        self._recent = recent
+    def __init__(
+        self, deviations: Mapping[str, float], size: int, recent: int = RECENT, kept: Collection[str] = ()
+    ) -> None:
+        self._recent, self._kept = recent, frozenset(kept)
         self._sensors = np.array(list(deviations) * (1 + recent))  # (m,) the first of each sensor, then the others
         self._least = np.array([deviations[name] ** -2 for name in self._sensors])  # inverse variances, at first
         self._usual = np.zeros(self._sensors.size)  # variances of errors that are none
@@ -99,6 +104,7 @@ class Biases:
         variance: FloatArray,
         prior: Belief,
         told: bool = True,
+        elsewhere: Mapping[str, FloatArray] = MappingProxyType({}),
     ) -> None:
         """Account for a Kalman update by measurements of k sensors; arguments as of `kalman.update`.
 
@@ -109,8 +115,12 @@ class Biases:
             variance: (k,) of the noise.
             prior: belief before the update.
             told: False for an update that moves the means, but will be repeated: it tells nothing.
+            elsewhere: (k,) what an error of 1 of a sensor, by name, adds to all measurements beside its own.
         """
-        of_errors = jacobian @ self._effects + (np.array(sensors)[:, None] == self._sensors)
+        own: FloatArray = (np.array(sensors)[:, None] == self._sensors).astype(np.float64)
+        for name, more in elsewhere.items():
+            own[:, self._sensors == name] += more[:, None]
+        of_errors = jacobian @ self._effects + own
         covariance = jacobian @ prior.covariance
         weighted = np.linalg.solve(covariance @ jacobian.T + np.diag(variance), of_errors)
         self._effects -= covariance.T @ weighted
@@ -144,9 +154,15 @@ class Biases:
         weights = self._weights(self._sensors)
         shares = {str(name): float(weights[self._sensors == name].sum()) for name in self._sensors}
         worst = max(shares, key=lambda name: shares[name])
-        if 1.0 - shares[worst] > DOUBT:
+        rivals = sum(shares.values()) - shares[worst]
+        if max(1.0 - sum(shares.values()), 0.0) > DOUBT or rivals > (RIVALS if worst in self._kept else DOUBT):
             return "", 0.0
         return worst, float(self._sizes @ np.where(self._sensors == worst, weights, 0.0))
+
+    def deviation_of(self, sensor: str) -> float:
+        """Standard deviation of the error of a sensor, if there is one from the beginning on."""
+        row = int(np.argmax(self._sensors == sensor))
+        return float(self._known[row, row] ** -0.5)
 
     def judge(self, time: float, belief: Belief, doubts: Doubts, may_name: bool = True) -> tuple[Belief, list[Alarm]]:
         """Leave out a sensor that is wrong for sure; returns the belief without those left out by now, and alarms.
@@ -158,7 +174,7 @@ class Biases:
             may_name: False where a fault of the plant may explain as much as a wrong sensor, so that none is left out.
         """
         alarms, (wrong, error) = [], self.surely() if may_name else ("", 0.0)
-        if wrong and wrong not in doubts.left_out:
+        if wrong and wrong not in (*self._kept, *doubts.left_out):
             text = f"sensor {wrong} contradicts all others by {with_unit(error, 'N', 2)} and is left out"
             alarms.append(doubts.leave_out(wrong, time, text))
         for name in [name for name in doubts.left_out if name not in self._undone]:

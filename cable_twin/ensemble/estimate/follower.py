@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy  # loads `special` where it is used
@@ -24,11 +24,12 @@ from cable_twin.ensemble.estimate.biases import WRONG as WRONG_CELL
 from cable_twin.ensemble.estimate.biases import Biases
 from cable_twin.ensemble.estimate.boarding import Boarding
 from cable_twin.ensemble.estimate.changes import doubted
+from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.counterweights import Stuck, hold, mass_of, stops_of
+from cable_twin.ensemble.estimate.encoder_zeros import ZERO, Displaced, with_zero
 from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update
 from cable_twin.ensemble.estimate.linear_range import any_swing, doubt_steps, loads_went_far, slopes, wind_went_far
 from cable_twin.ensemble.estimate.quantities import (
-    LEAST_FORCE,
     NEAR,
     Estimate,
     Hidden,
@@ -72,16 +73,6 @@ FASTER = 20.0  # times the usual drift of a quantity of which an alarm has told:
 RESTS = 8  # at most, that are tried for one window
 
 
-class Correction(NamedTuple):
-    """Result of one window of measurements: estimates, normalised innovation and new alarms."""
-
-    time: float  # s
-    slow: dict[str, Estimate]
-    hidden: dict[str, Estimate]
-    innovation: float  # normalised square over its degrees of freedom
-    alarms: tuple[Alarm, ...]  # new ones
-
-
 class Follower:
     """Ensemble filter by which a twin follows a plant with carriages.
 
@@ -91,6 +82,7 @@ class Follower:
         readings: sensors that are read, by name.
         hidden: estimated quantities that no sensor need measure.
         doubts: detector of faulty sensors.
+        zeros: what the encoders of carriages, by name, read more than their places (m), where that was found.
         needs_rest: whether it has to begin at a plant that stands: under way payload, ice and friction have effects too
             much alike to be told apart, unless they are known from before.
 
@@ -106,7 +98,9 @@ class Follower:
         self.window = WINDOW if len(scenario.cables) == 1 else WINDOW_OF_ROPES
         self._fast = swings(apart)
         self._first = 2 * len(self.slow) + 1  # member with the first swing
-        self._ensemble = Ensemble(scenario, self._first + len(self._fast), threads=threads, progress=False)
+        self._displaced = Displaced(scenario, self._first + len(self._fast), apart)
+        members = self._first + len(self._fast) + len(self._displaced)
+        self._ensemble = Ensemble(scenario, members, threads=threads, progress=False)
         start = self._ensemble.snapshot(0)
         self._layout = start.layout
         supports = start.layout.support_rows
@@ -127,13 +121,15 @@ class Follower:
         swing = np.full(len(self._fast), PRIOR)
         self._belief = Belief(mean, np.diag(np.concatenate([self._deviation, swing, errors]) ** 2))
         cells = [(name, one.of) for name, one in scenario.sensors.items() if one.kind == "load_cell"]
-        self._biases = Biases({name: WRONG_CELL * scale[of] for name, of in cells}, mean.size, recent=0)
+        wrong = {name: WRONG_CELL * scale[of] for name, of in cells} | dict.fromkeys(self._displaced.encoders, ZERO)
+        self._biases = Biases(wrong, mean.size, recent=0, kept=self._displaced.encoders)
         self._biases.expect(dict(zip(self.readings, errors.tolist(), strict=True)))
         self._boarding = Boarding(self._deviation, len(self._fast), payload_places(self.slow, self._layout))
         self._points, self._at_tower, self._stirred = self._stencil(self._belief), False, 0.0
         self._motion: dict[str, Any] = {}  # places and speeds of vehicles at the last beginning, by key
         self._change(rest=True)
         self._swing()
+        self.zeros: dict[str, float] = {}  # m, by carriage
         self._rows: list[Row] = []
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
@@ -152,11 +148,11 @@ class Follower:
     def learned(self) -> Any:
         """Estimates, alarms and faulty sensors so far, to restore them after the twin has begun at a wrong place."""
         own = self._belief, self.needs_rest, self._departures, self._biases, self.slow, self._deviation, self._held
-        return deepcopy(own), self.doubts.known
+        return deepcopy((*own, self.zeros)), self.doubts.known
 
     @learned.setter
     def learned(self, learned: Any) -> None:
-        own, self.doubts.known = learned
+        (*own, self.zeros), self.doubts.known = learned
         self._belief, self.needs_rest, self._departures, self._biases, self.slow, self._deviation, self._held = own
 
     @property
@@ -174,6 +170,7 @@ class Follower:
         Raises:
             ScenarioError, EquilibriumError, ValueError: vehicles cannot be there; one line. The twin stays as it was.
         """
+        motion = {name: (place - self.zeros.get(name, 0.0), speed) for name, (place, speed) in motion.items()}
         values, offsets = values_at(self._scenario, motion)
         before = self._motion, self._points
         self._motion, self._points = values, self._stencil(self._belief)
@@ -182,7 +179,7 @@ class Follower:
         except (EquilibriumError, ValueError):
             self._motion, self._points = before
             raise
-        self.readings |= with_offsets(self.readings, self._scenario, offsets)
+        self.readings |= with_offsets(self.readings, self._scenario, offsets | self.zeros)
         under_way = any(speed != 0.0 for _, speed in motion.values())
         fast = [*range(len(self.slow), len(self.slow) + len(self._fast))]
         self._belief = reset(self._belief, fast, 0.0, ANY_SWING if under_way else PRIOR)
@@ -254,7 +251,7 @@ class Follower:
             self._stirred = 1.0
             self._rows, self._since, self._from = [], time, time
             if not self._at_tower:
-                for member in range(1, self._first):
+                for member in (*range(1, self._first), *self._displaced.members):
                     self._ensemble.swing(member, anchored(self._fast, numbers, member))
             return None
         lasted = time - self._since
@@ -283,7 +280,8 @@ class Follower:
         if self._stands and self._rest_where_believed(time):
             numbers = self._ensemble.numbers()
         boarding = self._take_boarding(numbers)
-        used = self._of_swing() if self._at_tower else [] if boarding else self._consistent(time, alarms)
+        of_swing = [row for row in self._rows if self.readings[row.sensor].unit == "rad"]
+        used = of_swing if self._at_tower else [] if boarding else self._consistent(time, alarms)
         innovation = 1.0
         if used:
             terms, before = self._linear(used), self._belief
@@ -295,13 +293,15 @@ class Follower:
             self._belief = update(before, *terms)
             far = wind_went_far(self.slow, self._points[0], before, self._belief)
             if not self._held:  # else what its towers hold is as much as an error of a cell
-                self._biases.note([row.sensor for row in used], *terms, before, told=not far)
+                elsewhere = {} if self._at_tower else self._displaced.effects(used)
+                self._biases.note([row.sensor for row in used], *terms, before, not far, elsewhere)
             if far:
                 swinging = any_swing(before, len(self.slow), len(self._fast))
                 self._belief, self._stirred = self._belief._replace(covariance=swinging), 1.0
             else:
                 self._belief = doubt_steps(self.slow, self._points[0], self._belief)
         sure = not (self._astray or self._held or boarding)  # else the plant may explain as much as a wrong cell
+        alarms += self._find_zero(time) if sure else []
         self._belief, wrong = self._biases.judge(time, self._belief, self.doubts, sure)
         lasted, self._since, self._from = time - self._since, time, time
         believed = self._biases.believed(self._belief)
@@ -311,6 +311,17 @@ class Follower:
         alarms += [*wrong, *self._departures.alarms(time, slow, expected, agreed)]
         self._go_on(lasted, numbers)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
+
+    def _find_zero(self, time: float) -> list[Alarm]:
+        """Take an encoder whose zero is surely elsewhere with that offset from now on; returns the alarm about it."""
+        name, size = self._biases.surely()
+        if name not in self._displaced.encoders:
+            return []
+        self.readings[name], said = with_zero(self.readings[name], size, self._biases.deviation_of(name))
+        self._belief = self._biases.without(self._belief, name)
+        self.zeros[self._displaced.encoders[name]] = self.readings[name].offset
+        self.doubts.forget()
+        return [Alarm(time, said)]
 
     def _take_boarding(self, numbers: FloatArray) -> bool:
         """Estimate payloads alone while they change in stations, by (members, n) values; False while none does.
@@ -342,15 +353,12 @@ class Follower:
         return True
 
     def _rest_where_believed(self, time: float) -> bool:
-        """Restart all members of a standing plant at equilibria in a much different wind, or with other payloads.
+        """Restart members of a standing plant at rests in a much different wind or with other payloads; True if so.
 
         At rest the measurements of a window hold at any time, so that they can correct the restarted members again
         (iterated Kalman filter, Bell and Cathey 1993). Unlike a twin in which a wind sets in, one at rest in that wind
         does not swing; members blended to a payload far from theirs would not be at rest either, by the second order of
         its effects. A sensor that contradicts the rest which it has led to is not asked again.
-
-        Returns:
-            Whether the members have been restarted.
         """
         first, anew, out = self._points, False, ""
         while self._rest_without(time, out):
@@ -405,7 +413,8 @@ class Follower:
         if self._ensemble.alike:
             wanted, fast = self._stencil(self._belief), slice(count, count + swinging)
             blended, wanted = self._boarding.apart(self._points, wanted, *bounds(self.slow))
-            self._ensemble.blend(weights_of(self._points, blended, self._belief.mean[fast] / SIZE))
+            weights = weights_of(self._points, blended, self._belief.mean[fast] / SIZE)
+            self._ensemble.blend(self._displaced.along(weights))
             self._points = wanted
             moved = np.eye(decay.size)
             moved[fast, fast] = carried(self._fast, numbers, self._first)
@@ -450,10 +459,6 @@ class Follower:
         for number, one in enumerate(self._fast):
             self._ensemble.swing(self._first + number, [one.turn(SIZE)])
 
-    def _of_swing(self) -> list[Row]:
-        """Rows of a window with measured angles, which show the swing of vehicles."""
-        return [row for row in self._rows if self.readings[row.sensor].unit == "rad"]
-
     def _consistent(self, time: float, alarms: list[Alarm]) -> list[Row]:
         """Rows of a window without a sensor that contradicts all others; adds an alarm for one that keeps doing so."""
         self._doubt_what_changed()
@@ -491,10 +496,8 @@ class Follower:
         ]
         wrong = WRONG * np.array([reading.noise for reading in self.readings.values()])
         self._belief, found = doubted(self._belief, self._linear(self._rows), sizes, wrong, RARER)
-        if found >= 0:
-            agreed = self._biases.agreed(self._belief).mean
-            if (name := self.slow[found].name) not in self._held:
-                self._departures.changed(self.time, name, float(agreed[found]))
+        if found >= 0 and (name := self.slow[found].name) not in self._held:
+            self._departures.changed(self.time, name, float(self._biases.agreed(self._belief).mean[found]))
 
     def _walk(self, one: Slow, numbers: FloatArray) -> float:
         """Standard deviation of what a slow quantity may change by in a second, by the values (n,) of a frame."""
@@ -544,7 +547,7 @@ class Follower:
     def _linear(self, rows: Sequence[Row]) -> Terms:
         """Innovation (m,), Jacobian (m, n) and noise variance (m,) of the measurements in rows of a window."""
         count = len(self.slow) + len(self._fast)
-        predicted = np.array([row.predicted for row in rows])
+        predicted = np.array([row.predicted[: self._first + len(self._fast)] for row in rows])
         jacobian = np.zeros((len(rows), self._belief.mean.size))
         jacobian[:, :count] = slopes(self._points, predicted)
         if self._at_tower:
@@ -564,15 +567,12 @@ class Follower:
     def _hidden(self, numbers: FloatArray, belief: Belief) -> dict[str, Estimate]:
         """Estimates of unmeasured quantities; deviations follow from the slow quantities and the model's error."""
         count, found = len(self.slow) + len(self._fast), {}
-        shift = self._pending(belief)[:count]
-        covariance = belief.covariance[:count, :count]
+        shift, covariance = self._pending(belief)[:count], belief.covariance[:count, :count]
         for one in self.hidden:
-            rows = numbers[:, one.places]
-            values = rows[:, 0] if one.places.size == 1 else np.linalg.norm(rows, axis=1)
+            values = one.of(numbers[: self._first + len(self._fast)])
             by_each = slopes(self._points, values[None, :])[0]
             value = float(values[0] + by_each @ shift)
-            errors = one.errors.scaled(max(abs(value), LEAST_FORCE) if one.unit == "N" else 1.0)
-            variance = by_each @ covariance @ by_each + errors.variance(self._stirred, self._at_tower)
+            variance = by_each @ covariance @ by_each + one.error(value).variance(self._stirred, self._at_tower)
             variance += self._unexplained(one.unit) + self._astray.get(one.unit, 0.0)
             found[one.name] = Estimate(value, float(np.sqrt(variance)), one.unit)
         return found
@@ -583,8 +583,8 @@ class Follower:
         return stencil(belief.mean[:count], np.maximum(deviations, NARROWEST * self._deviation), self.slow)
 
     def _member_points(self) -> FloatArray:
-        """Stencil points (members, n) of the slow quantities, those of swings at the middle one."""
-        return np.vstack([self._points, np.tile(self._points[0], (len(self._fast), 1))])
+        """Stencil points (members, n) of the slow quantities, those of all further members at the middle one."""
+        return np.vstack([self._points, np.tile(self._points[0], (len(self._ensemble) - self._first, 1))])
 
     def _change(self, rest: bool = False) -> None:
         """Set the slow quantities of each member to its stencil point; payloads that change are loaded."""
@@ -596,4 +596,5 @@ class Follower:
             if row not in loaded
         }
         each = {key: [value] * len(points) for key, value in {**stops_of(self._scenario), **self._motion}.items()}
+        each |= self._displaced.places(self._motion)
         self._ensemble.change({**values, **each} if rest else values, rest=rest)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.biases import WRONG, Biases
-from cable_twin.ensemble.estimate.follower import Correction
+from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update, within
 from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, LineStatics
 from cable_twin.ensemble.estimate.line_waves import LineWaves
@@ -139,6 +139,7 @@ class LineFollower:
             with the model, the others only looked at for faults of their own.
         doubts: detector of faulty sensors.
         carriers: names of the carriers.
+        zeros: none; a lift begins where the rope that has gone by at its drive says.
         needs_rest: False, as it may begin at a lift under way.
 
     Args:
@@ -148,6 +149,7 @@ class LineFollower:
     slow: tuple[Slow, ...] = ()
     window = WINDOW
     needs_rest = False
+    zeros: Mapping[str, float] = {}
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario

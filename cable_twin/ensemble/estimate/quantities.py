@@ -303,6 +303,15 @@ class Hidden(NamedTuple):
     places: NDArray[np.intp]  # in the numbers of a frame: of it, or of the components of a vector whose length it is
     errors: Errors  # of the model: shares of a force, or rad
 
+    def of(self, numbers: FloatArray) -> FloatArray:
+        """Values (members,) of the quantity in frame rows (members, n)."""
+        found: FloatArray = numbers[:, self.places]
+        return found[:, 0] if self.places.size == 1 else np.linalg.norm(found, axis=1)
+
+    def error(self, value: float) -> Errors:
+        """Errors of the model in the unit of the quantity, where it has a value."""
+        return self.errors.scaled(max(abs(value), LEAST_FORCE) if self.unit == "N" else 1.0)
+
 
 def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
     """Quantities estimated without sensors: extreme tensions, forces of ends and towers, angles of bodies."""

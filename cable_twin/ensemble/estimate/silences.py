@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from cable_twin.ensemble.estimate.follower import Correction
+from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.quantities import Estimate
 from cable_twin.frame.sensors import Measurement
 

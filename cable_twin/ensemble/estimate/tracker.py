@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.ensemble.estimate.arrivals import HORIZON, Arrivals, Item
+from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops, Stop, decelerations
-from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of
 from cable_twin.ensemble.estimate.pursuit import pursuit_of
 from cable_twin.ensemble.estimate.silences import Silences, doubted
@@ -160,6 +160,7 @@ class Tracker:
             self.state = FOLLOWING
             self.follower.doubt_swing()
             lines.append(f"the plant is back at {time:.1f} s: the twin follows again")
+        zeros = dict(self.follower.zeros)
         if self._bringing and time >= self._brought:
             self._bring(time, self._pursuit.catching_up)
         told = [one for one in measured if not (self._bringing and one.sensor in self._encoders)]
@@ -168,6 +169,8 @@ class Tracker:
             self._taken = time
             lines += self._silences.note(time, measured, self.follower.left_out)
         self._note(correction)
+        if self.follower.zeros != zeros:
+            lines += self._move(time)
         lines += self._pursue(time, measured)
         if correction is not None or lines:
             yield News(time, correction, tuple(lines))
@@ -203,6 +206,13 @@ class Tracker:
         self._bringing, self._brought = bringing, time + BROUGHT
         if bringing:
             self.follower.doubt_swing(self._brought)
+
+    def _move(self, time: float) -> list[str]:
+        """Put the twin where its plant is by an encoder with another zero: at once where that stands, else by speed."""
+        if any(abs(self._pursuit.speed_of(name) or 0.0) > MOVES for name in self._encoders.values()):
+            self._bring(time, True)
+            return []
+        return self._begin_at(time)
 
     def _say_behind(self, present: float) -> Iterator[News]:
         """Report that the twin is behind its plant in time; restart the twin where it is too far behind."""

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from cable_twin.basics.units import NORMAL_95, shown_unit
-from cable_twin.ensemble.estimate.follower import Correction
+from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.following.truth import Truth
 from cable_twin.offline.plots import COLORS, INK, styled

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.ensemble.estimate.follower import Correction
+from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower
 from cable_twin.ensemble.estimate.quantities import hidden_quantities
 from cable_twin.frame.records import FloatArray

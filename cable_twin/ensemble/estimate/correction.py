@@ -1,0 +1,18 @@
+"""Result of one window of measurements of a plant that is followed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from cable_twin.ensemble.estimate.quantities import Estimate
+from cable_twin.ensemble.estimate.sensor_faults import Alarm
+
+
+class Correction(NamedTuple):
+    """Result of one window of measurements: estimates, normalised innovation and new alarms."""
+
+    time: float  # s
+    slow: dict[str, Estimate]
+    hidden: dict[str, Estimate]
+    innovation: float  # normalised square over its degrees of freedom
+    alarms: tuple[Alarm, ...]  # new ones

@@ -1,0 +1,70 @@
+"""An encoder whose zero is elsewhere than that of the scenario: it is named as that, and load cells are kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cable_twin.ensemble.estimate.biases import Biases
+from cable_twin.ensemble.estimate.kalman import Belief
+from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
+from cable_twin.frame.sensors import Sensors, standard_sensors
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+COARSE = {"cable.elements": {"target": 20.0, "at_towers": 6.0, "growth": 1.7}}  # for speed
+AWAY = 10.0  # m
+LONGEST = 30.0  # s
+
+
+@pytest.fixture(scope="module")
+def elsewhere():
+    """Tracker of a plant that stands, whose encoder reads too much, once that is named, and the alarms until then."""
+    bare = load_scenario("aerial_tramway", COARSE)
+    scenario = load_scenario(bare.resolved(), {"sensors": standard_sensors(bare, Simulation(bare).snapshot)})
+    plant = Simulation(load_scenario(scenario.resolved(), {"carriages.cabin.payload.mass": 2500.0}), samples=2)
+    sensors, tracker, alarms = Sensors(plant.scenario, plant.layout), Tracker(scenario), []
+    while not tracker.follower.zeros and plant.time < LONGEST:
+        snapshot = plant.advance_to(round(plant.time + 0.1, 9))
+        measured = [
+            replace(one, values=(one.values[0] + AWAY,)) if one.sensor == "encoder_cabin" else one
+            for one in sensors.take(snapshot)
+        ]
+        tracker.measure(measured, snapshot.time)
+        for news in tracker.advance(snapshot.time):
+            alarms += news.correction.alarms if news.correction else ()
+    tracker.follower.close()
+    return tracker, [alarm.reason for alarm in alarms]
+
+
+def test_an_encoder_with_another_zero_is_named_and_no_sensor_is_left_out(elsewhere):
+    tracker, reasons = elsewhere
+    (said,) = [reason for reason in reasons if not reason.startswith("cabin/payload is ")]
+    assert said.startswith("sensor encoder_cabin reads ")
+    assert " m too much, standard deviation " in said
+    size, deviation = (float(said.split()[row]) for row in (3, 9))
+    assert size == pytest.approx(AWAY, abs=3.0 * deviation)
+    assert deviation < 0.3 * AWAY
+    assert not tracker.follower.left_out
+
+
+def test_the_twin_is_where_its_plant_is_then(elsewhere):
+    tracker, _ = elsewhere
+    assert tracker.state == FOLLOWING
+    read = tracker.follower.place_of("encoder_cabin")
+    assert read == pytest.approx(12.0 + AWAY, abs=0.1)
+    assert read - tracker.follower.zeros["cabin"] == pytest.approx(12.0, abs=3.0)
+
+
+def test_an_error_that_others_explain_hardly_is_named_of_a_sensor_that_is_kept():
+    """Both explain what the first sensor says; the other one explains it less well, and is no reason for no name."""
+    named = []
+    for kept in ((), ("zero",)):
+        biases, belief = Biases({"cell": 5.0, "zero": 5.0}, 1, 0, kept), Belief(np.zeros(1), 1e-9 * np.eye(1))
+        for _ in range(80):
+            elsewhere = {"zero": np.array([1.0, 0.45])}
+            biases.note(["cell", "other"], np.array([1.0, 0.45]), np.zeros((2, 1)), np.ones(2), belief, True, elsewhere)
+        named.append(biases.surely()[0])
+    assert named == ["", "zero"]
