@@ -116,7 +116,7 @@ class LiveFollowing(Companion):
 
     def talk(self, questions: IO[bytes], answers: IO[bytes]) -> None:
         """Send messages of the plant to the process and read its answers, until either side ends."""
-        self._say("the estimator starts: estimates begin with the line `follows the plant from ...`")
+        self._say("the estimator starts: a line says when it has found the plant and estimates begin")
         send(questions, self._options)
         while (answer := receive(answers)) is not None and answer.state == COMPILING:
             self._note(answer)
