@@ -9,6 +9,7 @@ from cable_twin.mechanics.rope.point import element_at, position_on_cable
 from cable_twin.mechanics.state import allocate_state
 from cable_twin.scenario import Grading, build_system, load_scenario
 from cable_twin.scenario.builders.mesh import graded_nodes, short_zones
+from verification.followed import LIFTS, SCENES
 
 GRADING = {"target": 8.0, "at_towers": 1.4, "growth": 1.5}
 ROPEWAYS = ("chairlift", "gondola", "aerial_tramway")
@@ -100,3 +101,12 @@ def test_part_of_a_grading_is_changed_by_its_key():
     up, down = (scenario.ropes[name].elements for name in ("up", "down"))
     assert (up.target, down.target) == (12.0, 6.0)
     assert up.at_towers == down.at_towers
+
+
+@pytest.mark.parametrize("name", SCENES | LIFTS)
+def test_plants_that_are_followed_have_no_coarser_mesh_anywhere_and_finer_ones_on_each_rope(name):
+    own, plant = load_scenario(name), load_scenario(name, dict((SCENES | LIFTS)[name].mesh))
+    for rope in own.ropes:
+        twin, other = (one.ropes[rope].elements for one in (own, plant))
+        assert other.target < twin.target
+        assert other.at_towers <= twin.at_towers

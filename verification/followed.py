@@ -24,7 +24,7 @@ from cable_twin.scenario import Scenario
 FRAME = 0.02  # s
 REPEATED = 0.1  # s, from a live command to the next
 ARRIVED = 0.1  # s after its time, when a measurement has arrived for sure
-TRAMWAY = {"cable.elements.target": 7.0, "cable.elements.at_towers": 1.0}
+TRAMWAY = {"cable.elements.target": 7.0, "cable.elements.at_towers": 0.55}
 ROPES = {
     f"ropes.{kind}_{number}.elements": {"target": target, "at_towers": at_towers, "growth": 2.0}
     for kind, target, at_towers in (("track", 9.0, 0.5), ("haul", 5.0, 1.5))
