@@ -12,6 +12,7 @@ from cable_twin.messages import Status, diagnostics_message
 
 OK, WARNING = 0, 1  # levels of diagnostics
 LONGEST_TEXT = 1000  # characters of what a bag says of a figure
+OF_PAYLOAD = "_of_payload"  # end of the key of an alarm about a payload
 OLD = 0.25  # of its horizon, from which on an outlook is too old to warn in time
 
 
@@ -62,6 +63,7 @@ def estimate_message(
     alarms: Sequence[str],
     stamp_ns: int,
     *,
+    of_payloads: Sequence[str] = (),
     measured: bool = True,
     behind: float = 0.0,
 ) -> bytes:
@@ -70,17 +72,18 @@ def estimate_message(
     Args:
         estimates: value, standard deviation and unit by name.
         alarms: new alarms, a line each.
+        of_payloads: new alarms about payloads, of which a lift has many; behind the others, with keys of their own.
         stamp_ns: ns.
         measured: whether a plant is measured at present; else they are those of the model alone.
         behind: s, by which the estimates are behind the plant.
     """
-    count = counted(len(alarms), "alarm")
+    told = {f"alarm_{row}": text for row, text in enumerate(alarms, start=1)}
+    told |= {f"alarm_{row}{OF_PAYLOAD}": text for row, text in enumerate(of_payloads, start=1 + len(alarms))}
     whole = Status(
-        WARNING if alarms else OK,
+        WARNING if told else OK,
         "estimate",
-        count if alarms else "no new alarm",
-        {"measured": str(measured).lower(), "behind_s": f"{behind:.1f}"}
-        | {f"alarm_{row + 1}": text for row, text in enumerate(alarms)},
+        counted(len(told), "alarm") if told else "no new alarm",
+        {"measured": str(measured).lower(), "behind_s": f"{behind:.1f}"} | told,
     )
     each = [
         Status(

@@ -206,12 +206,15 @@ def _as_live(plant: PlantLog, tracker: Tracker, end: float) -> Iterator[Progress
 
 def _alarms(correction: Correction | None) -> list[str]:
     """Alarms of a correction, a line each."""
-    return [] if correction is None else [f"{one.time:.1f} s: {one.reason}" for one in correction.alarms]
+    if correction is None:
+        return []
+    return [*correction.said(of_payloads=False), *correction.said(of_payloads=True)]
 
 
 def _message(correction: Correction, stamp_ns: int) -> bytes:
     """Encode the estimates and alarms of a correction as a message with a stamp (ns)."""
-    return estimate_message({**correction.slow, **correction.hidden}, _alarms(correction), stamp_ns)
+    alarms, of_payloads = correction.said(of_payloads=False), correction.said(of_payloads=True)
+    return estimate_message({**correction.slow, **correction.hidden}, alarms, stamp_ns, of_payloads=of_payloads)
 
 
 def _time(item: Item) -> float:

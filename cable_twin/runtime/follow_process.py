@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from queue import Empty
-from typing import IO
+from typing import IO, Any
 
 from cable_twin.basics.printable import printable
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, LISTENING, WAITING, News, Tracker
@@ -58,16 +58,17 @@ class Decoder:
 def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimated]:
     """Replies of the follow process to the node for one result of a tracker: estimates, alarms, log lines, counts."""
     correction, lines = news.correction, list(news.lines)
-    message = b""
+    message, of_payloads = b"", list[str]()
     if correction is not None:
-        alarms = [f"{one.time:.1f} s: {one.reason}" for one in correction.alarms]
+        alarms, of_payloads = correction.said(of_payloads=False), correction.said(of_payloads=True)
         lines += alarms
-        stamp_ns = epoch_ns + nanoseconds(correction.time)
-        estimates, measured = {**correction.slow, **correction.hidden}, tracker.state == FOLLOWING
-        message = estimate_message(estimates, alarms, stamp_ns, measured=measured, behind=tracker.behind)
+        stamp_ns, estimates = epoch_ns + nanoseconds(correction.time), {**correction.slow, **correction.hidden}
+        state: dict[str, Any] = {"measured": tracker.state == FOLLOWING, "behind": tracker.behind}
+        message = estimate_message(estimates, alarms, stamp_ns, of_payloads=of_payloads, **state)
     left_out = {name: one.reason for name, one in tracker.follower.left_out.items()}
     counts = dict(tracker.arrivals.left_out)
-    yield Estimated(news.time, message, tuple(lines), tracker.state, left_out, counts, tracker.behind)
+    told = tuple(lines), tracker.state, left_out, counts, tracker.behind, tuple(of_payloads)
+    yield Estimated(news.time, message, *told)
 
 
 @contextmanager

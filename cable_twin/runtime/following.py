@@ -14,6 +14,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import IO, NamedTuple
 
+from cable_twin.basics.newest import NewestLines
 from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops
 from cable_twin.ensemble.estimate.followers import unfollowable
 from cable_twin.ensemble.estimate.pursuit import pursuit_of
@@ -24,7 +25,7 @@ from cable_twin.scenario import Scenario
 COMMANDS = "joint_commands"  # topic of what a plant is commanded, below its namespace
 STARTING, COMPILING = "starts", "compiles its kernels"  # nothing is estimated yet
 SETTLED = 5.0  # s between two answers of a process that follows, at most: more is time by which it is behind
-MOST_LINES = 20  # of alarms in the diagnostics, the newest ones
+MOST_LINES = 20  # of alarms in the diagnostics, the newest ones, those about payloads the first to go
 MOST_WAITING = 20_000  # messages of a plant that may wait for the process
 
 
@@ -41,11 +42,12 @@ class Estimated(NamedTuple):
 
     time: float  # s, of the plant
     message: bytes  # diagnostic_msgs/DiagnosticArray, or empty
-    lines: tuple[str, ...]  # alarms and what else there is to say
+    lines: tuple[str, ...]  # alarms, but those about payloads, and what else there is to say
     state: str
     left_out: Mapping[str, str]  # reason by sensor
     counts: Mapping[str, int]  # of messages that were left out, by reason
     behind: float = 0.0  # s behind the plant
+    of_payloads: tuple[str, ...] = ()  # alarms about payloads
 
 
 class LiveFollowing(Companion):
@@ -65,7 +67,7 @@ class LiveFollowing(Companion):
         self._publish, self._say = publish, say
         self._waiting: SimpleQueue[Arrival] = SimpleQueue()
         self._last = Estimated(0.0, b"", (), STARTING, {}, {})
-        self._alarms: list[str] = []
+        self._alarms = NewestLines(MOST_LINES)
         self._arrived = math.inf  # s on the steady clock, of the last message
         self._answered = math.inf  # s on the steady clock, of the last answer
         self.shut: frozenset[str] = frozenset()
@@ -92,7 +94,7 @@ class LiveFollowing(Companion):
         values = {"state": last.state, "time_s": f"{last.time:.3f}", "behind_s": f"{last.behind:.1f}"}
         values |= {f"left_out_{name}": reason for name, reason in last.left_out.items()}
         values |= {f"left_out: {reason}": str(count) for reason, count in last.counts.items()}
-        values |= {f"alarm_{row + 1}": line for row, line in enumerate(self._alarms)}
+        values |= {f"alarm_{row + 1}": line for row, line in enumerate(self._alarms.lines)}
         text = last.state + (f"; {last.behind:.0f} s behind the plant" if last.behind > BEHIND else "")
         text += f"; left out: {', '.join(last.left_out)}" if last.left_out else ""
         if self.shut:
@@ -144,8 +146,9 @@ class LiveFollowing(Companion):
     def _note(self, answer: Estimated) -> None:
         """Note an answer of the process, log its lines, and publish its estimates."""
         self._last, self._answered = answer, time.monotonic()
-        self._alarms = [*self._alarms, *answer.lines][-MOST_LINES:]
-        for line in answer.lines:
+        self._alarms.add(answer.lines)
+        self._alarms.add(answer.of_payloads, minor=True)
+        for line in (*answer.lines, *answer.of_payloads):
             self._say(line)
         if answer.message:
             self._publish(answer.message)

@@ -315,6 +315,11 @@ def test_estimates_and_alarms_of_the_twin_are_variables(plant):
         publish("12.0 s: sensor load_tower contradicts all others and is left out")
         plant.ros.until(lambda: reader.read("Alarms/Count").Value.Value == 1, what="alarm")
         assert reader.read("Alarms/Newest").Value.Value.startswith("12.0 s: sensor load_tower contradicts")
+        publish(of_payloads=[f"{number} s: chair_{number}/payload is 300 kg" for number in range(25)])
+        plant.ros.until(lambda: reader.read("Alarms/Count").Value.Value == 26, what="alarms about payloads")
+        first, *others = reader.read("Alarms/List").Value.Value
+        assert first.startswith("12.0 s: sensor load_tower contradicts")
+        assert [one.split()[0] for one in others] == [str(number) for number in range(6, 25)]
         # silence of the plant, and a twin that is late
         for state, expected in (({"measured": False}, "SubNormal"), ({"behind": 60.0}, "LastUsableValue"), ({}, "")):
             wanted = f"Uncertain{expected}" if expected else "Good"

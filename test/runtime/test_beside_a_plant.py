@@ -17,7 +17,7 @@ from cable_twin.frame.records import TensionAhead
 from cable_twin.frame.sensors import standard_sensors
 from cable_twin.runtime.companion import receive
 from cable_twin.runtime.follow_process import compilation_told
-from cable_twin.runtime.following import COMPILING, FOLLOWING, STARTING, Estimated, LiveFollowing
+from cable_twin.runtime.following import COMPILING, FOLLOWING, MOST_LINES, STARTING, Estimated, LiveFollowing
 from cable_twin.runtime.outlook import Answer, LiveOutlook, Question
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -92,6 +92,21 @@ def test_a_twin_that_is_behind_its_plant_is_not_well(behind, well, said):
     following._note(Estimated(7.0, b"", (), FOLLOWING, {}, {}, behind))
     assert following.status()[0] == well
     assert following.status()[1].endswith(said)
+
+
+def test_alarms_about_payloads_do_not_push_out_others():
+    lines: list[str] = []
+    following = LiveFollowing(load_scenario("chairlift"), pytest.fail, lines.append)
+    stuck, wrong = "3.0 s: sensor a is stuck", "9.0 s: sensor b is wrong"
+    following._note(Estimated(3.0, b"", (stuck,), FOLLOWING, {}, {}))
+    for number in range(2 * MOST_LINES):
+        told = (f"{number + 4} s: chair_{number}/payload is 1 kg",)
+        following._note(Estimated(number + 4.0, b"", (wrong,) if number == 7 else (), FOLLOWING, {}, {}, 0.0, told))
+    kept = [text for key, text in following.status()[2].items() if key.startswith("alarm_")]
+    assert len(kept) == MOST_LINES
+    assert kept[:2] == [stuck, wrong]
+    assert kept[-1] == lines[-1] == told[0]
+    assert len(lines) == 2 + 2 * MOST_LINES
 
 
 def test_an_estimator_that_stands_still_is_behind_its_plant(monkeypatch):

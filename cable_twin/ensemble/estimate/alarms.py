@@ -77,8 +77,8 @@ class Departures:
                 self._told.pop(name, None)
             elif min(abs(got.value - one.value), abs(got.value - told)) > sure:
                 self._told[name] = time, got.value
-                found.append(Alarm(time, f"{said}; {plan}"))
+                found.append(Alarm(time, f"{said}; {plan}", one.may_change))
             elif name not in self._told and abs(got.value - before) > one.tolerance + SUDDEN * got.deviation:
                 self._told[name] = time, got.value
-                found.append(Alarm(time, f"{said}, after {with_unit(before, got.unit)}; {plan}"))
+                found.append(Alarm(time, f"{said}, after {with_unit(before, got.unit)}; {plan}", one.may_change))
         return found

@@ -16,3 +16,7 @@ class Correction(NamedTuple):
     hidden: dict[str, Estimate]
     innovation: float  # normalised square over its degrees of freedom
     alarms: tuple[Alarm, ...]  # new ones
+
+    def said(self, *, of_payloads: bool) -> list[str]:
+        """New alarms, a line each: those about payloads, or all others."""
+        return [f"{one.time:.1f} s: {one.reason}" for one in self.alarms if one.of_payload == of_payloads]

@@ -37,6 +37,7 @@ class Alarm(NamedTuple):
 
     time: float  # s
     reason: str
+    of_payload: bool = False  # of which a lift has many, as people come
 
 
 def with_deviation(value: float, deviation: float, unit: str) -> str:

@@ -7,8 +7,7 @@ import hmac
 import logging
 import math
 import time
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
@@ -19,8 +18,10 @@ from asyncua import ua
 from asyncua.crypto.permission_rules import User, UserRole
 from asyncua.server.user_managers import UserManager
 
+from cable_twin.basics.newest import NewestLines
 from cable_twin.basics.printable import printable
 from cable_twin.messages import SECOND, Status
+from cable_twin.messages.figure_messages import OF_PAYLOAD
 from cable_twin.ros.door.certificates import certificate_in, key_in
 from cable_twin.ros.door.link import FIRST_WAIT, secrets_of, without
 from cable_twin.ros.door.map_file import secret_text
@@ -30,7 +31,7 @@ from cable_twin.ros.door.samples import Level, Tell
 logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
 
 URI = "urn:cable_twin:estimates"
-ALARMS = 20  # newest ones that are kept
+ALARMS = 20  # newest ones that are kept, those about payloads the first to go
 LOST = 12.0  # times `stale_after`, after which values are not uncertain but bad
 MOST = 10_000  # variables of estimates
 LONGEST_WAIT = 30.0  # s between two attempts to listen
@@ -84,7 +85,7 @@ class EstimateServer:
         self._values: dict[str, tuple[ua.NodeId, ua.Variant, int]] = {}  # by name: node, value, stamp (ns)
         self._made: set[str] = set()
         self._updates: asyncio.Queue[tuple[str, list[Status], int]] = asyncio.Queue()
-        self._alarms: deque[str] = deque(maxlen=ALARMS)
+        self._alarms = NewestLines(ALARMS)
         self._count = 0
         self._heard: float | None = None  # monotonic time (s) of the newest estimate
         self._status = self._fresh = WAITING  # now, and of the newest estimates when they came
@@ -198,7 +199,7 @@ class EstimateServer:
             for status in statuses:
                 if "value" in status.values:
                     await self._estimate(status, stamp_ns)
-            new = [text for status in statuses for key, text in status.values.items() if key.startswith("alarm_")]
+            new = {key: text for one in statuses for key, text in one.values.items() if key.startswith("alarm_")}
             await self._alarm(new, any(status.level >= WARNING for status in statuses), stamp_ns)
         else:
             for status in statuses:
@@ -223,15 +224,19 @@ class EstimateServer:
             code = self._fresh if math.isfinite(value) else ua.StatusCodes.BadNoData
             await self._set("Estimates", at, ua.Variant(value, ua.VariantType.Double), stamp_ns, code, unit)
 
-    async def _alarm(self, new: Sequence[str], active: bool, stamp_ns: int) -> None:
-        self._alarms += (printable(text, 300) for text in new)
+    async def _alarm(self, new: Mapping[str, str], active: bool, stamp_ns: int) -> None:
+        """Write new alarms, by their keys in the twin's message, of which those about payloads go first."""
+        for minor in (False, True):
+            own = [printable(text, 300) for key, text in new.items() if key.endswith(OF_PAYLOAD) == minor]
+            self._alarms.add(own, minor=minor)
         self._count += len(new)
         await self._set("Alarms", "Active", ua.Variant(active, ua.VariantType.Boolean), stamp_ns)
         await self._set("Alarms", "Count", ua.Variant(self._count, ua.VariantType.UInt32), stamp_ns)
         if new or self._values["Alarms/List"][2] == 0:
-            texts = ua.Variant([*self._alarms], ua.VariantType.String, is_array=True)
+            lines = self._alarms.lines
+            texts = ua.Variant(lines, ua.VariantType.String, is_array=True)
             await self._set("Alarms", "List", texts, stamp_ns)
-            await self._set("Alarms", "Newest", _text(self._alarms[-1] if self._alarms else ""), stamp_ns)
+            await self._set("Alarms", "Newest", _text(lines[-1] if lines else ""), stamp_ns)
 
     async def _set(
         self, folder: str, name: str, value: ua.Variant, stamp_ns: int, status: int = GOOD, unit: str = ""
