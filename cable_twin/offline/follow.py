@@ -17,7 +17,7 @@ from cable_twin.ensemble.ensemble import usable_cores
 from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of, unfollowable
 from cable_twin.ensemble.estimate.quantities import Estimate
-from cable_twin.ensemble.estimate.tracker import Tracker
+from cable_twin.ensemble.estimate.tracker import LISTENING, WAITING, Tracker
 from cable_twin.frame.records import AppliedCommand, CommandError
 from cable_twin.messages import ESTIMATE, SCENARIO, Topic, nanoseconds, scenario_message
 from cable_twin.messages.figure_messages import estimate_message
@@ -99,7 +99,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         with start_shown("follow", console):
             simulation = twin_of(log, options.scenario, dict(options.set))
             plant = PlantLog(log, simulation.scenario.sensors)
-            tracker = Tracker(simulation.scenario, usable_cores()) if plant.real else None
+            live = plant.real or not plant.begins_with(simulation.scenario)
+            tracker = Tracker(simulation.scenario, usable_cores()) if live else None
             follower = follower_of(simulation.scenario) if tracker is None else tracker.follower
     except UNUSABLE_INPUT as error:
         tell("follow", error)
@@ -168,8 +169,18 @@ def _follow(
     for line in plant.left_out():
         tell("follow", line)
     if not corrections:
-        raise FollowError(plant.nothing((twin.follower if isinstance(twin, Tracker) else twin).readings))
+        waits = isinstance(twin, Tracker) and twin.arrivals.started and twin.state == WAITING
+        readings = (twin.follower if isinstance(twin, Tracker) else twin).readings
+        raise FollowError(_never_begun(log, twin) if waits else plant.nothing(readings))
     return corrections
+
+
+def _never_begun(log: Log, tracker: Tracker) -> str:
+    """Reason, in a line, why a log has no moment at which following it can begin."""
+    return (
+        f"{log.path}: given a plant that never {tracker.wanted} for {LISTENING:g} s; allowed: a log in which it "
+        "does, or that begins where its scenario does"
+    )
 
 
 def _from_rest(plant: PlantLog, follower: AnyFollower, end: float) -> Iterator[Progress]:
@@ -191,7 +202,7 @@ def _from_rest(plant: PlantLog, follower: AnyFollower, end: float) -> Iterator[P
 
 
 def _as_live(plant: PlantLog, tracker: Tracker, end: float) -> Iterator[Progress]:
-    """Follow a plant of which nothing is known from before, as a twin does that runs beside it."""
+    """Follow a plant from where its log begins, as a twin does that runs beside it from then on."""
     for time, items in plant.arrivals():
         if time > end:
             break

@@ -39,10 +39,14 @@ def values_at(scenario: Scenario, motion: Motion) -> tuple[dict[str, Any], dict[
     return values, offsets
 
 
+def start_of(scenario: Scenario, name: str) -> float:
+    """Place (m) at which the encoder of a carriage or drive begins in a scenario."""
+    return scenario.carriages[name].arc_length if name in scenario.carriages else 0.0
+
+
 def has_moved(scenario: Scenario, motion: Motion) -> bool:
     """Whether a plant is not where its scenario begins, so that its towers hold the rope by an unknown friction."""
-    starts = {name: one.arc_length for name, one in scenario.carriages.items()}
-    return any(speed != 0.0 or abs(place - starts.get(name, 0.0)) > MOVED for name, (place, speed) in motion.items())
+    return any(speed != 0.0 or abs(place - start_of(scenario, name)) > MOVED for name, (place, speed) in motion.items())
 
 
 def with_offsets(
@@ -76,4 +80,4 @@ def _gone_by(scenario: Scenario, drive: str, place: float) -> dict[str, Any]:
     return values
 
 
-__all__ = ["Motion", "has_moved", "values_at", "with_offsets"]
+__all__ = ["Motion", "has_moved", "start_of", "values_at", "with_offsets"]

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_twin.ensemble.estimate.beginning import start_of
 from cable_twin.ensemble.estimate.quantities import Reading
 from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.offline.calibration.parameters import CalibrationError
@@ -165,7 +166,7 @@ def package(
 def _check_start(log: Log, scenario: Scenario, sensor: str, place: float) -> None:
     """Raise an error if a real plant begins with an encoder elsewhere than its twin, at a place (m)."""
     of = scenario.sensors[sensor].of
-    own = scenario.carriages[of].arc_length if of in scenario.carriages else 0.0
+    own = start_of(scenario, of)
     if abs(place - own) > ELSEWHERE:
         how = f"; --set carriages.{of}.arc_length={place:.2f} begins there" if of in scenario.carriages else ""
         raise CalibrationError(

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from itertools import count
 from pathlib import Path
 
+from cable_twin.ensemble.estimate.beginning import has_moved
 from cable_twin.frame.commands import JOINT_COMMANDS
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.sensors import Measurement
@@ -107,6 +108,21 @@ class PlantLog:
             f"{self._log.path}: given no measurements of {sensors}; allowed: a log of `plant`, of a twin with sensors, "
             f"or with {topics}"
         )
+
+    def begins_with(self, scenario: Scenario) -> bool:
+        """Whether the log begins with a run, and vehicles where a scenario has them: not so a later file of a bag.
+
+        Raises:
+            LogError: as `items`.
+        """
+        peek = PlantLog(self._log, self._sensors)
+        for arrival, items in peek.arrivals():
+            if arrival > HORIZON:
+                return False
+            for one in items:
+                if isinstance(one, Measurement) and (sensor := self._sensors[one.sensor]).kind == "encoder":
+                    return not has_moved(scenario, {sensor.of: (one.values[0], 0.0)})
+        return True
 
     def items(self) -> Iterator[Item]:
         """Commands and measurements of the plant in the order of their time stamps; at equal times commands first.
