@@ -13,6 +13,7 @@ LARGER: Mapping[str, tuple[tuple[float, str, float], ...]] = {  # from a size on
     "kg": ((1e4, "t", 1e3),),
 }
 NORMAL_95 = 1.959964  # standard deviations between the mean of a normal distribution and an end of its middle 95 %
+MOST_DECIMALS = 6  # of an estimate
 PLAIN = -4, 7  # powers of ten between which a number has no exponent
 
 
@@ -35,6 +36,19 @@ def rounded(value: float, digits: int = 4) -> str:
         return short
     text = f"{plain:.{max(digits - 1 - power, 0)}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def decimals(band: float) -> int:
+    """Number of decimals, at most `MOST_DECIMALS`, with which a band has two digits."""
+    return min(max(1 - math.floor(math.log10(band)), 0), MOST_DECIMALS) if band > 0.0 else MOST_DECIMALS
+
+
+def with_band(value: float, deviation: float, unit: str) -> str:
+    """Text of an SI value with a standard deviation, and its band of 95 %, in a readable unit."""
+    shown, scale = shown_unit(unit, value)
+    band = NORMAL_95 * deviation * scale
+    text = f"{value * scale + 0.0:.{decimals(band)}f} ± {band:.{decimals(band)}f}"
+    return text if shown in ("", "-") else f"{text} {shown}"
 
 
 def counted(count: int, noun: str) -> str:

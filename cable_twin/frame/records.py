@@ -89,6 +89,13 @@ class TensionAhead(NamedTuple):
     highest: FloatArray  # (ropes,) N
 
 
+class PlantEstimates(NamedTuple):
+    """Estimates of a plant that a twin follows."""
+
+    time: float  # s, simulated, when they came
+    found: Mapping[str, tuple[float, float, str]]  # value, standard deviation and unit by name
+
+
 class VehicleColumns(NamedTuple):
     """Columns of all vehicles, a row each, in the order of the scenario; see `Columns` for the units."""
 

@@ -8,7 +8,7 @@ from cable_twin.basics.printable import printable
 from cable_twin.basics.units import counted, rounded, shown_unit
 from cable_twin.key_figures import KeyFigure, figure_from_values, values_of
 from cable_twin.key_figures.outlook import Outlook
-from cable_twin.messages import Status, diagnostics_message
+from cable_twin.messages import Status, diagnostics_message, statuses_of_message
 
 OK, WARNING = 0, 1  # levels of diagnostics
 LONGEST_TEXT = 1000  # characters of what a bag says of a figure
@@ -95,6 +95,15 @@ def estimate_message(
         for name, (value, deviation, unit) in estimates.items()
     ]
     return diagnostics_message(stamp_ns, whole, *each)
+
+
+def estimates_of_message(data: bytes) -> dict[str, tuple[float, float, str]]:
+    """Value, standard deviation and unit of each estimate by name, inverse of `estimate_message`."""
+    return {
+        status.name: (float(values["value"]), float(values["standard_deviation"]), values["unit"])
+        for status in statuses_of_message(data)
+        if "standard_deviation" in (values := status.values)
+    }
 
 
 def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:

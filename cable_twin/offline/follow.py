@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
-from cable_twin.basics.units import NORMAL_95, shown_unit
+from cable_twin.basics.units import NORMAL_95, decimals, shown_unit
 from cable_twin.ensemble.ensemble import usable_cores
 from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of, unfollowable
@@ -34,7 +34,6 @@ from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import start_shown
 from cable_twin.terminal.command_line import OneLineParser, number, tell
 
-MOST_DECIMALS = 6  # of an estimate
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 LONGEST_SILENCE = 60.0  # s, after which the twin says that it goes on by its model
 Progress = tuple[float, Correction | None, list[str]]  # time (s), correction, and lines to print
@@ -169,9 +168,9 @@ def _follow(
     for line in plant.left_out():
         tell("follow", line)
     if not corrections:
-        waits = isinstance(twin, Tracker) and twin.arrivals.started and twin.state == WAITING
-        readings = (twin.follower if isinstance(twin, Tracker) else twin).readings
-        raise FollowError(_never_begun(log, twin) if waits else plant.nothing(readings))
+        if isinstance(twin, Tracker) and twin.arrivals.started and twin.state == WAITING:
+            raise FollowError(_never_begun(log, twin))
+        raise FollowError(plant.nothing((twin.follower if isinstance(twin, Tracker) else twin).readings))
     return corrections
 
 
@@ -270,10 +269,10 @@ def _row(name: str, one: Estimate, true: Truth | None, wide: int) -> str:
     """Row of a table of estimates, with as many decimals as make two digits of the band of 95 %."""
     unit, scale = shown_unit(one.unit, max(abs(one.value), 0.0 if true is None else abs(true.last)))
     band = NORMAL_95 * one.deviation * scale
-    decimals = min(max(1 - math.floor(math.log10(band)), 0), MOST_DECIMALS) if band > 0.0 else MOST_DECIMALS
-    known = "" if true is None else f"{true.last * scale:13.{decimals}f}"
-    value = f"{one.value * scale + 0.0:12.{decimals}f}"
-    return f"{name:{wide}} {value} +- {f'{band:.{decimals}f}':<9} {unit:4}{known}".rstrip()
+    digits = decimals(band)
+    known = "" if true is None else f"{true.last * scale:13.{digits}f}"
+    value = f"{one.value * scale + 0.0:12.{digits}f}"
+    return f"{name:{wide}} {value} +- {f'{band:.{digits}f}':<9} {unit:4}{known}".rstrip()
 
 
 if __name__ == "__main__":

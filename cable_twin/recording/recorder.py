@@ -23,7 +23,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from cable_twin.frame.records import AppliedCommand, TensionAhead
+from cable_twin.frame.records import AppliedCommand, PlantEstimates, TensionAhead
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, nanoseconds
 from cable_twin.messages.columns import COLUMNS, GROUPS, RowEncoder
@@ -52,6 +52,9 @@ class View(Protocol):
     def log_ahead(self, ahead: TensionAhead) -> None:
         """Show the predicted range of rope tension in the near future in the picture."""
 
+    def log_estimates(self, estimates: PlantEstimates) -> None:
+        """Show the estimates of a plant that is followed in the picture."""
+
     def flush(self) -> None:
         """Send waiting data of the picture to disk."""
 
@@ -79,6 +82,7 @@ class _Item(NamedTuple):
     columns: Sequence[str]
     applied: AppliedCommand | None
     ahead: TensionAhead | None = None
+    estimates: PlantEstimates | None = None
 
 
 class _LogSink:
@@ -149,6 +153,8 @@ class _ViewSink:
             self._view.log_command(item.applied)
         if item.ahead is not None:
             self._view.log_ahead(item.ahead)
+        if item.estimates is not None:
+            self._view.log_estimates(item.estimates)
 
     def begin(self, beginning: _Beginning, number: int) -> None:
         if self._log is not None and not beginning.first:
@@ -289,6 +295,11 @@ class Recorder:
         """Queue the predicted range of rope tension in the near future for the views; returns at once."""
         if not self._closing and self.recording and len(self._queue) < self._capacity:
             self._queue.append(_Item((), stamp_ns, None, (), None, ahead))
+
+    def record_estimates(self, estimates: PlantEstimates, stamp_ns: int) -> None:
+        """Queue the estimates of a plant that is followed for the views; returns at once."""
+        if not self._closing and self.recording and len(self._queue) < self._capacity:
+            self._queue.append(_Item((), stamp_ns, None, (), None, None, estimates))
 
     def record_command(self, applied: AppliedCommand, message: bytes, stamp_ns: int) -> None:
         """Queue an applied command; never dropped, as a replay needs every one.

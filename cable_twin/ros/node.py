@@ -20,10 +20,9 @@ from rclpy.parameter import Parameter as RosParameter
 from rich.console import Console
 
 from cable_twin.frame.commands import JOINT_COMMANDS, KINDS
-from cable_twin.frame.records import AppliedCommand, RefusedCommand
+from cable_twin.frame.records import AppliedCommand, PlantEstimates, RefusedCommand
 from cable_twin.key_figures import compile_figures
 from cable_twin.messages import (
-    ESTIMATE,
     REFUSED_COMMANDS,
     SCENARIO,
     FrameNames,
@@ -31,6 +30,7 @@ from cable_twin.messages import (
     scenario_message,
     topics,
 )
+from cable_twin.messages.figure_messages import estimates_of_message
 from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.recording.run import start_run
 from cable_twin.ros.command_subscriber import CommandLimits, CommandSubscriber
@@ -412,7 +412,8 @@ class TwinNode(Node):
         self._output.send_ahead(answer.message, answer.ahead, self._stamp_ns())
 
     def _publish_estimate(self, message: bytes) -> None:
-        self._output.send([(ESTIMATE, message)], self._stamp_ns())
+        estimates = PlantEstimates(self._loop.simulated_time, estimates_of_message(message))
+        self._output.send_estimates(message, estimates, self._stamp_ns())
 
     def _log_goal(self, line: str, abandoned: bool) -> None:
         if abandoned:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from cable_twin.frame.records import AppliedCommand, TensionAhead
+from cable_twin.frame.records import AppliedCommand, PlantEstimates, TensionAhead
 from cable_twin.frame.snapshot import Columns
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import APPLIED_COMMANDS, KEY_FIGURES, OUTLOOK, FrameNames, Topic, diagnostics_message
+from cable_twin.messages import APPLIED_COMMANDS, ESTIMATE, KEY_FIGURES, OUTLOOK, FrameNames, Topic, diagnostics_message
 from cable_twin.messages.frame import Filled
 from cable_twin.recording.frame_output import FrameOutput, Messages, Prepared
 from cable_twin.recording.run import Run
@@ -127,6 +127,12 @@ class Output:
         self.send([(OUTLOOK, message)], stamp_ns)
         if self.run is not None and self._frames.frames > 0:
             self.run.recorder.record_ahead(ahead, stamp_ns)
+
+    def send_estimates(self, message: bytes, estimates: PlantEstimates, stamp_ns: int) -> None:
+        """Publish estimates of a plant, record them, and draw them."""
+        self.send([(ESTIMATE, message)], stamp_ns)
+        if self.run is not None and self._frames.frames > 0:
+            self.run.recorder.record_estimates(estimates, stamp_ns)
 
     def record(self, messages: Messages, stamp_ns: int) -> None:
         """Record messages without publishing; ignored before the run begins."""

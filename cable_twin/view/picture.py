@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 
 from cable_twin.basics.units import rounded
 from cable_twin.frame.plotted_signals import SIGNALS, driven, driven_names
-from cable_twin.frame.records import FloatArray, TensionAhead
+from cable_twin.frame.records import FloatArray, PlantEstimates, TensionAhead
 from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.view.batch import TIMELINE, Thinning, first_known, frame_of, planar, plane, send
+from cable_twin.view.estimates import EstimatePlots, table_of
 from cable_twin.view.plots import LEGEND_ROW, LEGENDS, Plots, shown_unit
 from cable_twin.view.rope import Rope
 from cable_twin.view.space import NEAR_WIND, OVERVIEW_WIND, SPACE, Eye, InSpace, Space
@@ -76,8 +77,13 @@ def divided(cells: int, *, space: bool, table: tuple[int, int]) -> Sizes:
     count = max(1, -(-cells // (IN_SPACE_IN_A_ROW if space else IN_A_ROW)))
     ends = [cells * row // count for row in range(count + 1)]
     rows = tuple(last - first for first, last in pairwise(ends))
+    return Sizes(side_width(table), rows, space)
+
+
+def side_width(table: tuple[int, int]) -> float:
+    """Return the width in pixels of the side column in which a table with columns in letters can be read."""
     wanted = READOUT_MARGINS + READOUT_LETTER * sum(table)
-    return Sizes(min(max(wanted, WIDTH / 6.0), WIDTH / 3.0), rows, space)
+    return min(max(wanted, WIDTH / 6.0), WIDTH / 3.0)
 
 
 def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: str) -> str:
@@ -141,6 +147,7 @@ def lay_out(
     unit: str,
     window: float | None,
     eyes: tuple[Eye, Mapping[str, Eye]] | None = None,
+    estimates: Sequence[rrb.View] = (),
 ) -> rrb.Blueprint:
     """Return rerun's blueprint of the whole picture: track, close-ups, plots, readout and commands.
 
@@ -153,6 +160,7 @@ def lay_out(
         unit: unit of forces.
         window: time (s) that the plots show before the cursor; None for the whole run.
         eyes: eye of the 3D view, and of the 3D close-up of each entity; None in a plane.
+        estimates: views of the estimates of a plant; beside them the readout is that of the scenario.
     """
     (left, low), (right, high) = framed.low, framed.high
     track: rrb.View | rrb.Container = rrb.Spatial2DView(
@@ -180,11 +188,12 @@ def lay_out(
         rrb.Horizontal(
             rrb.Vertical(track, *lower, row_shares=[1] * (len(lower) + 1)),
             rrb.Vertical(
-                rrb.TextDocumentView(name="Readout", origin="readout"),
+                rrb.TextDocumentView(name="Scenario" if estimates else "Readout", origin="readout"),
+                *([_together(estimates)] if estimates else []),
                 rrb.TextLogView(
                     name="Commands", origin="commands", columns=rrb.TextLogColumns(text_log_columns=["Body"])
                 ),
-                row_shares=[3, 1],
+                row_shares=[3, 3, 1] if estimates else [3, 1],
             ),
             column_shares=[sizes.main, sizes.side],
         )
@@ -346,6 +355,7 @@ class Picture:
         }
         self._vehicles = Vehicles(layout, outlines, look.carriers)
         self._space = look.space and Space(layout, look.space, look.carriers, self._vehicles.followed)
+        self._estimates = EstimatePlots()
         self._rope_times = Thinning(look.rope_rate)
         self._pose_times = Thinning(look.geometry_rate)
         self._readout_times = Thinning(READOUT_RATE)
@@ -377,6 +387,7 @@ class Picture:
         draw_scene(stream, scene, self._framed.names, look.wheels)
         self._rope.begin(stream, float(first.time[0]), self._framed.legend)
         self._vehicles.begin(stream, first, self._framed.pixel, self._framed.taken)
+        self._estimates.restart()
         self._plots.begin(stream, plot_cells(self._plots, self._sizes), self._window)
         if self._space:
             self._space.begin(stream, first, scene.ground, look.wheels, self._sizes.track)
@@ -392,7 +403,10 @@ class Picture:
     def _lay_out(self, stream: rr.RecordingStream, window: float | None) -> None:
         shown = self._vehicles.close_ups, self._vehicles.boxes
         eyes = (self._space.overview, self._space.close_ups) if self._space else None
-        stream.send_blueprint(lay_out(self._framed, self._sizes, *shown, self._plots, self._unit, window, eyes))
+        estimates = self._estimates.views(window)
+        stream.send_blueprint(
+            lay_out(self._framed, self._sizes, *shown, self._plots, self._unit, window, eyes, estimates)
+        )
 
     def send(self, stream: rr.RecordingStream, c: Columns) -> None:
         """Draw a batch of at least one frame into the file."""
@@ -412,6 +426,15 @@ class Picture:
     def send_ahead(self, stream: rr.RecordingStream, ahead: Sequence[TensionAhead]) -> None:
         """Draw the tension ranges forecast by outlooks into the plot of tensions, each at the start of its forecast."""
         self._plots.send_ahead(stream, ahead, self._scale)
+
+    def send_estimates(self, stream: rr.RecordingStream, estimates: Sequence[PlantEstimates]) -> None:
+        """Draw estimates of a plant in order of time, in views of their own from the first ones on."""
+        if self._estimates.send(stream, estimates):
+            self._sizes = self._sizes._replace(
+                side=max(self._sizes.side, side_width(table_columns(table_of(estimates[0]))))
+            )
+            self._plots.begin(stream, plot_cells(self._plots, self._sizes), self._window)
+            self._lay_out(stream, self._window)
 
 
 def _unit(c: Columns) -> str:

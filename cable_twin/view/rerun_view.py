@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from cable_twin.basics.files import sync
 from cable_twin.frame.commands import KINDS, describe_command
-from cable_twin.frame.records import AppliedCommand, Command, TensionAhead
+from cable_twin.frame.records import AppliedCommand, Command, PlantEstimates, TensionAhead
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.view.batch import Batch, time_column
 from cable_twin.view.picture import Look, Picture
@@ -251,6 +251,7 @@ class RerunView:
         self._laid_out = False  # whether the present file has its blueprint
         self._last_commands: dict[tuple[str, ...], Command] = {}  # newest listed command, by topic and names
         self._ahead: list[TensionAhead] = []  # not sent yet
+        self._estimates: list[PlantEstimates] = []  # not sent yet
         self._commands: list[tuple[float, str, str]] = []  # time (s), text and level of commands not sent yet
 
     def lay_out(self, snapshot: Snapshot) -> None:
@@ -307,6 +308,15 @@ class RerunView:
         self._open()
         self._ahead.append(ahead)
 
+    def log_estimates(self, estimates: PlantEstimates) -> None:
+        """Log the estimates of a plant that the twin follows, as a table and over time.
+
+        Raises:
+            RuntimeError: the view is closed.
+        """
+        self._open()
+        self._estimates.append(estimates)
+
     def flush(self) -> None:
         """Send waiting data to disk; waits for a disk that stalls.
 
@@ -362,7 +372,7 @@ class RerunView:
         return self._stream
 
     def _send(self) -> None:
-        """Send waiting commands, and draw all collected frames and outlooks."""
+        """Send waiting commands, and draw all collected frames, outlooks and estimates."""
         stream = self._open()
         if self._commands:
             times, texts, levels = zip(*self._commands, strict=True)
@@ -383,3 +393,6 @@ class RerunView:
         if self._ahead:
             self._picture.send_ahead(stream, self._ahead)
             self._ahead = []
+        if self._estimates:
+            self._picture.send_estimates(stream, self._estimates)
+            self._estimates = []

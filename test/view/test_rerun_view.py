@@ -30,6 +30,7 @@ from cable_twin.frame.records import (  # noqa: E402
     CableSamples,
     CarriageState,
     Command,
+    PlantEstimates,
     SupportState,
     TensionAhead,
     TowerState,
@@ -229,6 +230,21 @@ def test_renderer_explains_itself(tmp_path, ended):
     code, _, errors = ended(RENDERER, tmp_path / "notes.rrd")
     assert code == 1
     assert "notes.rrd: not a rerun recording (.rrd)" in errors
+
+
+def test_estimates_of_a_plant_are_a_table_and_lines_with_bands(tmp_path):
+    view = RerunView("test", {"cabin": {}}, path=tmp_path / "run.rrd", live=False)
+    for number in range(3):
+        view.log(snapshot_at(number / RATE))
+        found = {"cabin/payload": (4200.0 + number, 10.0, "kg"), "cabin/pitch": (np.pi / 180.0, 0.0, "rad")}
+        view.log_estimates(PlantEstimates(number / RATE, found))
+    view.close()
+    times, tables = column(tmp_path / "run.rrd", "/estimates", "TextDocument:text")
+    np.testing.assert_allclose(times, [0.0, 1.0 / RATE, 2.0 / RATE], atol=1e-9)
+    assert "| cabin/payload | **4202 ± 20 kg** |" in tables[-1][0]
+    assert "| cabin/pitch | **1.000000 ± 0.000000 deg** |" in tables[-1][0]
+    _, bands = column(tmp_path / "run.rrd", "/estimate/cabin\\/payload", "Scalars:scalars")
+    np.testing.assert_allclose(bands[-1], [4202.0, 4202.0 - 19.59964, 4202.0 + 19.59964])
 
 
 def test_an_outlook_is_a_band_around_the_tensions(tmp_path):
