@@ -63,6 +63,28 @@ def test_a_service_stop_a_jump_or_a_stuck_encoder_is_no_emergency_stop(found):
     assert first_stop(EmergencyStops(load_scenario("aerial_tramway")), "cabin", found) == (0.0, None)
 
 
+@pytest.fixture(scope="module")
+def of_two():
+    """Scenario with two carriages, each with a drive of its own."""
+    given = load_scenario("aerial_tramway").resolved()
+    cabin = given["carriages"]["cabin"]
+    return load_scenario(given, {"carriages": {"cabin": cabin, "other": {**cabin, "arc_length": 900.0}}})
+
+
+@pytest.mark.parametrize(
+    ("other", "stops"),
+    [(places(deceleration=1.2), True), ([(time, 900.0) for time, _ in places()], True), (places(), False)],
+    ids=["stops", "stands", "goes on"],
+)
+def test_of_several_drives_all_that_move_have_to_stop_at_once(of_two, other, stops):
+    detector, found = EmergencyStops(of_two), []
+    for (time, place), (_, beside) in zip(places(deceleration=1.2), other, strict=True):
+        found += [detector.measure(time, "cabin", place), detector.measure(time, "other", beside)]
+    told = [stop for stop in found if stop is not None]
+    assert bool(told) == stops
+    assert all(stop.time == pytest.approx(BEGUN, abs=0.4) for stop in told[:1])
+
+
 def test_places_where_a_vehicle_cannot_be_are_leaps():
     leaps = Leaps()
     assert not any(leaps.note(*one) for one in places(deceleration=1.5))

@@ -24,6 +24,7 @@ LARGEST = 3.0  # times the deceleration of an emergency stop, which no brake has
 ROUGH, SMALL = 0.1, 5e-3  # of the lag behind the constant speed, and m, that a fit may be off
 SLOWEST = 1.0  # m/s, below which a service stop is as good
 LAG = 0.3  # s, by which a carriage on its haul rope begins to slow down later than its drive, as it seems to a fit
+TOGETHER = 1.5  # s, within which several drives stop at once: as long as a stop takes to show, and what they differ by
 CONTRAST = 1.3  # times the service deceleration, above which an emergency stop is told from it
 
 
@@ -46,20 +47,21 @@ class EmergencyStops:
     """Detector of emergency stops by the places that the encoders of a plant measure.
 
     Args:
-        scenario: of the twin, whose drive has a service and an emergency deceleration; with several drives, of which
-            one may stop alone, nothing is detected.
+        scenario: of the twin, whose drives have a service and an emergency deceleration. Of several drives all that
+            move have to stop at once, as one may stop alone for another reason.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        names = [*command_limits(scenario)]
-        of_all = {name: decelerations(scenario, name) for name in names if len(names) == 1}
+        of_all = {name: decelerations(scenario, name) for name in command_limits(scenario)}
         self._decelerations = {name: one for name, one in of_all.items() if one[1] > CONTRAST * one[0]}
         hauled = any(one.drive.haul_rope is not None for one in scenario.carriages.values())
         self._lag = LAG if hauled else 0.0
         self._places: Mapping[str, deque[tuple[float, float]]] = {name: deque() for name in self._decelerations}
+        self._stopping: dict[str, Stop] = {}  # of each of several drives, lately
 
     def clear(self) -> None:
         """Forget all measured places."""
+        self._stopping.clear()
         for kept in self._places.values():
             kept.clear()
 
@@ -81,7 +83,21 @@ class EmergencyStops:
         if abs(speed) < SLOWEST or not least < slower < LARGEST * emergency or off > max(SMALL, ROUGH * lag):
             return None
         kept.clear()
-        return Stop(name, float(time + begun) - self._lag, abs(speed), abs(speed) / emergency)
+        self._stopping[name] = Stop(name, float(time + begun) - self._lag, abs(speed), abs(speed) / emergency)
+        return self._of_all(time)
+
+    def _of_all(self, time: float) -> Stop | None:
+        """Emergency stop that lasts longest, once each drive that has moved has one; None until then."""
+        stopping = {name: one for name, one in self._stopping.items() if time - one.time < TOGETHER}
+        if any(self._moves(name) for name in self._places.keys() - stopping.keys()):
+            return None
+        self._stopping.clear()
+        return max(stopping.values(), key=lambda one: one.lasts)
+
+    def _moves(self, name: str) -> bool:
+        """Whether a carriage or drive has moved within the span of a fit."""
+        kept = self._places[name]
+        return len(kept) > 1 and abs(kept[-1][1] - kept[0][1]) > SLOWEST * (kept[-1][0] - kept[0][0])
 
 
 def _kink(times: FloatArray, places: FloatArray) -> tuple[float, float, float, float]:

@@ -56,7 +56,8 @@ class Pursuit:
         self._pursued: set[str] = set()
         self._leaps: dict[str, Leaps] = {}
         self._stop: Stop | None = None
-        self._idle = self._asked = False  # whether a plant that has stopped was commanded to stand, and then to move
+        self._idle: set[str] = set()  # drives of a plant that has stopped that were commanded to stand since
+        self._asked = False  # whether one of them was commanded to move then
 
     @property
     def stopped(self) -> bool:
@@ -75,9 +76,10 @@ class Pursuit:
             self._asked_since[name] = (
                 min(self._asked_since.get(name, np.inf), time) if abs(speed) >= CHANGED else np.inf
             )
-            if self._stop is not None and self._stop.name == name:
-                self._asked = self._idle and abs(speed) >= CHANGED
-                self._idle = self._idle or abs(speed) < CHANGED
+            if self._stop is not None and abs(speed) < CHANGED:
+                self._idle.add(name)
+            elif self._stop is not None:
+                self._asked = self._asked or name in self._idle
 
     def measure(self, time: float, name: str, place: float) -> None:
         """Record the place (m) of a carriage or drive that an encoder measured at a time (s)."""
@@ -133,9 +135,10 @@ class Pursuit:
 
     def stop(self, stop: Stop) -> None:
         """Record that an emergency stop of the plant is in force in the twin from now on."""
-        commanded_at, commanded = self._commanded.get(stop.name, (-np.inf, np.nan))
-        self._idle, self._asked = stop.time - commanded_at <= FRESH and abs(commanded) < CHANGED, False
-        self._stop = stop
+        stands = [
+            name for name, (at, speed) in self._commanded.items() if stop.time - at <= FRESH and abs(speed) < CHANGED
+        ]
+        self._idle, self._asked, self._stop = set(stands), False, stop
 
     def is_held(self, time: float, name: str) -> bool:
         """Whether a plant that stands is commanded to move all the same, since longer than it needs to start."""
@@ -147,7 +150,7 @@ class Pursuit:
 
         Commands tell it that ask for a speed after they had asked for none; else the place of the plant.
         """
-        if self._stop is None or name != self._stop.name:
+        if self._stop is None:
             return False
         there, lasts = self._present_place(time, name), time < self._stop.time + self._stop.lasts + SPAN
         margin = APART + (LATE * self._stop.speed if lasts else 0.0)
@@ -156,7 +159,7 @@ class Pursuit:
 
     def release(self) -> None:
         """Record that the emergency stop is no longer in force in the twin."""
-        self._stop, self._idle, self._asked = None, False, False
+        self._stop, self._idle, self._asked = None, set(), False
         self._given.clear()
 
     def leave(self, name: str) -> None:
