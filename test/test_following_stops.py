@@ -14,7 +14,7 @@ from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.pursuit import APART, FRESH, Pursuit
 from cable_twin.ensemble.estimate.quantities import Estimate
 from cable_twin.ensemble.estimate.sensor_faults import LEAPT_SAMPLES
-from cable_twin.ensemble.estimate.silences import QUIET, Silences, doubted
+from cable_twin.ensemble.estimate.silences import QUIET, Silences, Unheard
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, WAITING, Tracker
 from cable_twin.frame.records import Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
@@ -164,8 +164,13 @@ def test_a_twin_that_goes_on_alone_doubts_forces_and_swing():
     def said(force):
         return Correction(0.0, {}, {"end": Estimate(force, 3.0, "N"), "pitch": Estimate(0.0, 1e-3, "rad")}, 1.0, ())
 
-    at_once, later = (doubted(said(104.0), said(100.0), silent, 0.5 / 9.81).hidden for silent in (0.1, 60.0))
-    assert at_once["end"].deviation == pytest.approx(5.0)
+    def after(silent):
+        unheard = Unheard(0.5 / 9.81)
+        unheard.followed(said(100.0))
+        return unheard.doubted(said(104.0), silent).hidden
+
+    at_once, later = after(0.1), after(60.0)
+    assert 5.0 < at_once["end"].deviation < 8.0
     assert later["pitch"].deviation == pytest.approx(0.5 / 9.81, rel=0.01)
     assert at_once["pitch"].deviation < 0.1 * later["pitch"].deviation
 
@@ -245,6 +250,24 @@ def test_an_encoder_that_leaps_is_named_after_some_samples_and_the_twin_goes_on(
     assert alarm.time == pytest.approx(4.0 + PERIOD * LEAPT_SAMPLES, abs=2.0 * PERIOD)
     place = at[min(at, key=lambda time: abs(time - 7.0))] + 7.0 * (tracker.follower.time - 7.0)
     assert tracker.follower.place_of("encoder_cabin") == pytest.approx(place, abs=1.0)
+
+
+def test_forces_are_doubted_more_behind_a_silence_in_which_the_plant_moved(stopped):
+    scenario, found, _ = stopped
+    deviations = []
+    for silent in (False, True):
+        tracker, last = begins_under_way(scenario), None
+        for number in range(1, 170):
+            now = 0.05 * number
+            tracker.command({"cabin": 7.0}, now)
+            heard = [] if silent and 2.0 < now < 5.5 else found
+            tracker.measure([item for item in heard if now - 0.05 < item.time <= now], now)
+            for news in tracker.advance(now):
+                last = news.correction or last
+        tracker.follower.close()
+        assert tracker.state == FOLLOWING
+        deviations.append(last.hidden["start/force"].deviation)
+    assert deviations[1] > 2.0 * deviations[0]
 
 
 def test_what_was_learned_since_a_beginning_that_agreed_is_kept(stopped):

@@ -203,11 +203,11 @@ class Follower:
         covariance[of_sensors, of_sensors] = np.maximum(np.diag(covariance)[of_sensors], self._errors**2)
         self._belief = Belief(mean, covariance)
 
-    def doubt_swing(self, until: float = 0.0) -> None:
-        """Expect any swing, as of a plant that was not heard; while it is shaken, until a time (s), as at a tower."""
+    def doubt_swing(self, until: float = 0.0, waves: float = 1.0) -> None:
+        """Expect any swing, and waves by the share of those behind a tower; as at one until a time (s)."""
         self._shaken, self._stands = until, False
         swinging = any_swing(self._belief, len(self.slow), len(self._fast))
-        self._belief, self._stirred = self._belief._replace(covariance=swinging), 1.0
+        self._belief, self._stirred = self._belief._replace(covariance=swinging), max(waves, self._stirred)
 
     def close(self) -> None:
         """End the threads of the ensemble."""
@@ -248,7 +248,7 @@ class Follower:
                 self._rows.append(Row(sensor, value, reading.of(numbers), variance, numbers))
         if (self._passes_a_tower(numbers[0]) or time < self._shaken) != self._at_tower:
             self._at_tower = not self._at_tower
-            self._stirred = 1.0
+            self._stirred = max(self._stirred, 1.0)
             self._rows, self._since, self._from = [], time, time
             if not self._at_tower:
                 for member in (*range(1, self._first), *self._displaced.members):
@@ -404,7 +404,7 @@ class Follower:
         """Begin the next window: predict the belief over the last one (s), and blend members to it if all are alike."""
         count, swinging = len(self.slow), len(self._fast)
         kept = np.exp(-lasted / FORGOTTEN)
-        self._stirred = 1.0 if self._at_tower else self._stirred * float(np.exp(-lasted / CALMED))
+        self._stirred = max(float(self._at_tower), self._stirred * float(np.exp(-lasted / CALMED)))
         decay = np.concatenate([np.ones(count + swinging), np.full(self._errors.size, kept)])
         walks = np.array([self._walk(one, numbers[0]) for one in self.slow])
         gained = growth(self._fast, lasted, self._stirred, self._at_tower)

@@ -285,7 +285,7 @@ class LineFollower:
         """Present reading (m) of an encoder in the twin."""
         return self.readings[sensor].in_frame(self._twin.snapshot.numbers)
 
-    def doubt_swing(self, until: float = 0.0) -> None:
+    def doubt_swing(self, until: float = 0.0, waves: float = 1.0) -> None:
         """Expect waves that the twin does not have from now on, as of a plant that has stopped all at once."""
         self._waves.stir(self.time)
 

@@ -1,4 +1,4 @@
-"""Doubt about forces of a line after an emergency stop, whose waves have other phases in the twin than in the plant."""
+"""Doubt about forces whose waves have other phases in the twin than in the plant, as after a stop or in a silence."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ CALMED, MEAN = 40.0, 10.0  # s, in which the waves calm down, and over which the
 
 
 class LineWaves:
-    """Variances of forces by the waves that an emergency stop has stirred: twice what these have in the twin.
+    """Variances of forces by waves that were stirred: twice what these have in the twin.
 
     That is the variance of the difference of two waves of this size whose phases have nothing in common.
     """

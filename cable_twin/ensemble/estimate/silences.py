@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from cable_twin.ensemble.estimate.correction import Correction
+from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.quantities import Estimate
 from cable_twin.frame.sensors import Measurement
 
@@ -44,24 +45,42 @@ class Silences:
         return lines
 
 
-def doubted(alone: Correction, followed: Correction | None, silent: float, stopping: float) -> Correction:
-    """Estimates of a twin that goes on alone, with the doubt whether the plant has stopped meanwhile.
+class Unheard:
+    """Estimates of a twin that goes on alone, with the doubt what its plant does meanwhile.
 
-    A force may still be what it was when the plant fell silent, and a body may swing by the angle of a pendulum whose
-    pivot slows down.
+    A force may still be what it was when the plant fell silent, and has waves of other phases than in the twin. A body
+    may swing by the angle of a pendulum whose pivot slows down.
 
     Args:
-        alone: what the twin says by its model.
-        followed: what it said last while it followed.
-        silent: s since the last sample.
         stopping: deceleration of a stop over gravity.
     """
-    swing = min(silent / SWINGING, 1.0) * stopping
-    before = {} if followed is None else followed.hidden
 
-    def widened(name: str, one: Estimate) -> Estimate:
-        last = before.get(name, one).value
-        more = swing if one.unit == "rad" else one.value - last
-        return one._replace(deviation=(one.deviation**2 + more**2) ** 0.5)
+    def __init__(self, stopping: float) -> None:
+        self._stopping, self._waves = stopping, LineWaves()
+        self._last: Mapping[str, Estimate] = {}  # of what is hidden, as it was told last while the plant was heard
 
-    return alone._replace(hidden={name: widened(name, one) for name, one in alone.hidden.items()})
+    def forget(self) -> None:
+        """Forget what was told, as the twin begins anew."""
+        self._last = {}
+
+    def followed(self, correction: Correction) -> None:
+        """Take what the twin says while it hears its plant."""
+        self._last = correction.hidden
+        self._variances(correction)
+
+    def doubted(self, alone: Correction, silent: float) -> Correction:
+        """Estimates with more doubt, of a twin that has gone on alone for some seconds."""
+        self._waves.stir(alone.time)
+        waves, swing = self._variances(alone), min(silent / SWINGING, 1.0) * self._stopping
+
+        def widened(name: str, one: Estimate) -> Estimate:
+            moved = one.value - self._last.get(name, one).value
+            more = swing**2 if one.unit == "rad" else moved**2 + waves.get(name, 0.0)
+            return one._replace(deviation=(one.deviation**2 + more) ** 0.5)
+
+        return alone._replace(hidden={name: widened(name, one) for name, one in alone.hidden.items()})
+
+    def _variances(self, correction: Correction) -> dict[str, float]:
+        """Variances (N^2) of hidden forces by waves."""
+        forces = {name: one.value for name, one in correction.hidden.items() if one.unit == "N"}
+        return {name: self._waves.variance(correction.time, name, force) for name, force in forces.items()}

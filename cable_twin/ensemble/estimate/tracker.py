@@ -13,7 +13,7 @@ from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops, Stop, decelerations
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of
 from cable_twin.ensemble.estimate.pursuit import pursuit_of
-from cable_twin.ensemble.estimate.silences import Silences, doubted
+from cable_twin.ensemble.estimate.silences import Silences, Unheard
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import Scenario, command_limits
@@ -31,6 +31,7 @@ STOPPING = 2.0  # s, by which an emergency stop lasts longer than by its mean de
 BROUGHT = 8.0  # s, in which a twin is brought to the place of its plant behind such a stop, or for which it goes on
 CALMED = 60.0  # s, for which a plant that has moved swings
 BEHIND, TOO_FAR = 5.0, 20.0  # s, by which it is behind its plant: told, and begun anew where the plant is now
+UNHEARD = 3.0  # times the waves of a passed tower that a plant has after a silence in which it moved, beside its twin
 SOURCE = "plant"
 WAITING, FOLLOWING, ALONE = "waits for a plant", "follows", "goes on by its model"
 
@@ -64,11 +65,11 @@ class Tracker:
         self.sensors = scenario.sensors
         self._pursuit, self._stops = pursuit_of(scenario), EmergencyStops(scenario)
         slowing = max((decelerations(scenario, name)[0] for name in self._most), default=0.0)
-        self._stopping = slowing / scenario.gravity if scenario.gravity else 0.0  # deceleration of a stop over gravity
+        self._unheard = Unheard(slowing / scenario.gravity if scenario.gravity else 0.0)
         self._stop: Stop | None = None  # of the plant, until its time comes for the twin
         self._bringing = False  # whether the twin is brought to a plant that has moved on while the twin had stopped
         self._brought = 0.0  # s, until when at least
-        self._moved = -np.inf  # s, when the plant was last seen to move
+        self._moved = -np.inf  # s, when the plant was last seen, or commanded, to move
         self._silences = Silences()
         self._encoders = {name: one.of for name, one in scenario.sensors.items() if one.kind == "encoder"}
         self._first, self._waits = 0.0, False  # s, of the first measurement since it listens; whether it said why
@@ -76,7 +77,6 @@ class Tracker:
         self._heard = -np.inf  # s, of the newest measurements while it waits
         self._begun, self._learned = -np.inf, self.follower.learned  # s, and what was known then
         self._agreed, self._contradicted = 0, False  # first windows that agreed, and whether one did not
-        self._followed: Correction | None = None  # last one by measurements
         self._far: dict[str, int] = {}  # samples of each encoder that were elsewhere
         self._refused: set[str] = set()
         self.behind, self._told_behind = 0.0, False
@@ -133,6 +133,7 @@ class Tracker:
                 lines += self._begin_stop(time)
             elif isinstance(item, AppliedCommand):
                 self._pursuit.command(time, item.command.values)
+                self._moved = time if any(abs(one) > MOVES for one in item.command.values.values()) else self._moved
                 for name in item.command.values if self.state != WAITING else ():
                     sensor = next((one for one, of in self._encoders.items() if of == name), "")
                     place = self.follower.place_of(sensor) if sensor and self.state == FOLLOWING else 0.0
@@ -158,7 +159,10 @@ class Tracker:
             return  # the twin has gone on alone beyond it
         if self.state == ALONE and measured:
             self.state = FOLLOWING
-            self.follower.doubt_swing()
+            moved = time - self._moved < CALMED
+            self.follower.doubt_swing(waves=UNHEARD if moved else 1.0)
+            if moved:
+                self._bring(time, True)
             lines.append(f"the plant is back at {time:.1f} s: the twin follows again")
         zeros = dict(self.follower.zeros)
         if self._bringing and time >= self._brought:
@@ -179,7 +183,7 @@ class Tracker:
         """Note a correction of a followed plant, and whether one of the first ones contradicts the beginning."""
         if correction is None:
             return
-        self._followed = correction
+        self._unheard.followed(correction)
         if self._agreed < FIRST and not self._contradicted:
             self._contradicted = bool(self.follower.doubts.suspects)
             self._agreed += not self._contradicted
@@ -283,7 +287,8 @@ class Tracker:
                 motion[name] = place, 0.0 if speed is None or abs(speed) < MOVES else float(np.clip(speed, -most, most))
         where = ", ".join(f"{name} at {place:.2f} m with {speed:.2f} m/s" for name, (place, speed) in motion.items())
         self._begun, self._learned = time, self.follower.learned
-        self._agreed, self._contradicted, self._followed = 0, False, None
+        self._agreed, self._contradicted = 0, False
+        self._unheard.forget()
         try:
             self.follower.begin_at(time, motion)
         except (EquilibriumError, ValueError) as error:
@@ -349,8 +354,7 @@ class Tracker:
             self._taken = time = round(max(self._taken + self.follower.window, self.follower.time), 6)
             correction = self.follower.take(time, [])
             if correction is not None:
-                silent = time - self.arrivals.newest
-                yield News(time, doubted(correction, self._followed, silent, self._stopping), ())
+                yield News(time, self._unheard.doubted(correction, time - self.arrivals.newest), ())
 
 
 def _time(item: Item) -> float:
