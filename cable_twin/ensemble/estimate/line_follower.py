@@ -21,7 +21,7 @@ from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offse
 from cable_twin.ensemble.estimate.biases import WRONG, Biases
 from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update, within
-from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, LineStatics
+from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, LineStatics, drag_of_wind
 from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Estimate, Reading, Slow, readings
 from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts, fault_of_drive
@@ -37,6 +37,8 @@ FRICTION_TOLERANCE = 0.25  # of that of the scenario, by which it may differ wit
 FRICTION = 0.4  # standard deviation of the friction of all towers, as share of that of the scenario
 ROLLING = 0.4  # of that of the scenario, standard deviation of the rolling friction of carriers on track ropes
 ROLLING_TOLERANCE = 0.5  # of that of the scenario, by which it may differ without an alarm
+TENSIONED, TENSION_TOLERANCE = 0.02, 0.01  # of a counterweight: standard deviation at first, without an alarm
+WIND = 5.0  # m/s, standard deviation of wind along the track
 FIRST_ICE = 1.0  # kg/m, standard deviation of the ice on all ropes
 BIAS, FAST = 0.002, 0.003  # of the load of a tower at rest: slow and fast error of the model
 DRIVE_BIAS, DRIVE_FAST = 8e-4, 1.6e-3  # of the load of all towers at rest: the same of a drive
@@ -130,7 +132,7 @@ class FastErrors:
 
 
 class LineFollower:
-    """Filter by which a twin follows a plant with carriers on a loop: payloads, tower friction and ice.
+    """Filter by which a twin follows a plant with carriers on a loop: payloads, friction, ice and counterweights.
 
     Attributes:
         slow: none; the truth of a payload is no key of a scenario.
@@ -176,13 +178,18 @@ class LineFollower:
         self._commons = {
             "towers/friction": _Common(1.0, FRICTION, FRICTION_TOLERANCE, "-"),
             "carriers/rolling": _Common(rolling, ROLLING * rolling, ROLLING_TOLERANCE * rolling, "-"),
-            "ropes/ice": _Common(ice, FIRST_ICE, ICE_TOLERANCE, "kg/m"),
+            **{
+                f"{name}/counterweight": _Common(mass, TENSIONED * mass, TENSION_TOLERANCE * mass, "kg")
+                for name, mass in self._statics.counterweights.items()
+            },
+            "ropes/ice": _Common(ice, FIRST_ICE, ICE_TOLERANCE, "kg/m"),  # the last one, which drifts
         }
         if not scenario.carriers.tracks:
             del self._commons["carriers/rolling"]
         self._known = len(self.carriers) + len(self._commons)
         size = self._known + len(self._of_forces)
-        self._bias = np.array([self._scale(name, BIAS, DRIVE_BIAS) for name in self._of_forces])
+        blown = [self._kinds[name] == "drive_force" and drag_of_wind(scenario, WIND) for name in self._of_forces]
+        self._bias = np.hypot([self._scale(name, BIAS, DRIVE_BIAS) for name in self._of_forces], blown)
         deviations = np.concatenate(
             [
                 [PAYLOAD * self._capacity] * len(self.carriers),
@@ -463,7 +470,7 @@ class LineFollower:
     def _known_effects(self, carried: Carried) -> FloatArray:
         """Derivatives by payloads and by what all carriers and towers share, in the order of the belief."""
         rolling = [carried.rolling] if "carriers/rolling" in self._commons else []
-        return np.array([*carried.payloads, carried.friction, *rolling, carried.ice])
+        return np.array([*carried.payloads, carried.friction, *rolling, *carried.counterweights, carried.ice])
 
     def _hidden(self, snapshot: Snapshot, belief: Belief) -> dict[str, Estimate]:
         """Estimated forces of towers; deviations follow from those of payloads, friction and ice."""

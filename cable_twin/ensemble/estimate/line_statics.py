@@ -1,4 +1,4 @@
-"""Static effects of payloads, friction and ice on tower forces and drive forces of a line with carriers.
+"""Static effects of payloads, friction, ice and counterweights on tower and drive forces of a line with carriers.
 
 A weight between two supports rests on both by the law of the lever, as a counterweight keeps the tension constant. Its
 component along the rope is carried by all that is farther from the tensioned end, taken to be the lower one: by the
@@ -12,12 +12,14 @@ haul rope (2) in the ratio of their tensions T, and that along it by the haul ro
 
 b the bend of the line from support to support. On one rope this is ΔR = Q + b ΔT.
 
-How large the effect of all payloads is on each tower and drive, and what ice does, is taken from rests of the model: as
-planned, with other payloads, and with ice. The laws above say how it is divided among the carriers, wherever they are.
+How large the effect of all payloads is on each tower and drive, and what ice and counterweights do, is taken from rests
+of the model: as planned, with other payloads, with ice, and with each counterweight heavier. The laws above say how it
+is divided among the carriers, wherever they are.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,11 +27,11 @@ import numpy as np
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.solution.bundle.clamp import rail_share
-from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario import Scenario, command_limits, load_scenario
 from cable_twin.scenario.builders.system import tower_friction
 from cable_twin.simulation import Simulation
 
-ICE = 1.0  # kg/m, with which a rest is compared
+ICE, HEAVIER = 1.0, 0.01  # kg/m, and share of a counterweight, with which a rest is compared
 PAYLOAD, EMPTY = 0.4, 0.15  # of the capacity, standard deviation of a payload from the plan, and of one that is empty
 LEAST = 0.3  # of effects that do not cancel each other, from which on they are compared with a rest
 SIZES = 0.8, 1.25  # least and most that a rest counts for more or less than the laws
@@ -82,6 +84,7 @@ class Carried(NamedTuple):
     friction: float  # N, of the friction of all towers as a share of that of the scenario
     rolling: float  # N, of the rolling friction of carriers on track ropes, a coefficient
     ice: float  # N m/kg, of ice on all ropes
+    counterweights: FloatArray  # (counterweights,) N/kg
 
 
 class LineStatics:
@@ -89,6 +92,7 @@ class LineStatics:
 
     Attributes:
         towers: names of the towers of all ropes.
+        counterweights: mass (kg) of each by name of its sheave.
         errors: error of the effect of a payload on each of them in a window of a second, as a share of the effect.
 
     Args:
@@ -108,23 +112,29 @@ class LineStatics:
             self._add(scenario, rope, row)
         self.towers = tuple(self._towers)
         self._beside = {name: self._partner(name) for name in self.towers}
+        keys = counterweight_keys(scenario)
+        self.counterweights = {name: mass for name, (_, mass) in keys.items()}
         self.errors = {name: ERROR if beside is None else ERROR_OF_TWO for name, beside in self._beside.items()}
-        self._measure(scenario, start)
+        self._measure(scenario, start, keys)
 
-    def _measure(self, scenario: Scenario, start: Snapshot) -> None:
-        """Compare the effects of payloads and ice with rests of the model."""
+    def _measure(self, scenario: Scenario, start: Snapshot, counterweights: Mapping[str, tuple[str, float]]) -> None:
+        """Compare the effects of payloads, ice and counterweights, by key and mass (kg), with rests of the model."""
         sensors = (*self.towers, *self._drives)
         self._sizes, self._ice = dict.fromkeys(sensors, 1.0), dict.fromkeys(sensors, 0.0)
+        self._heavier: dict[str, FloatArray] = {}
         ropes = [scenario.rope_key(name) for name in scenario.cables]
         more = {f"{key}.ice": one.ice + ICE for key, one in zip(ropes, scenario.cables.values(), strict=True)}
-        other, iced = (
+        heavier = [{key: (1.0 + HEAVIER) * mass} for key, mass in counterweights.values()]
+        other, iced, *tightened = (
             Simulation(load_scenario(scenario.resolved(), values), samples=2).snapshot
-            for values in (_other_payloads(scenario), more)
+            for values in (_other_payloads(scenario), more, *heavier)
         )
+        added = HEAVIER * np.array([mass for _, mass in counterweights.values()])
         change = (other.columns.payload - start.columns.payload)[self._rows]
         for name in sensors:
             before, loaded, with_ice = (self._force(name, one) for one in (start, other, iced))
             self._ice[name] = (with_ice - before) / ICE
+            self._heavier[name] = (np.array([self._force(name, one) for one in tightened]) - before) / added
             effects = self.of_tower(name, start).payloads if name in self._towers else self._along(start)
             expected = float(effects @ change)  # without friction, as a rest has none
             if abs(expected) > LEAST * float(np.abs(effects) @ np.abs(change)):
@@ -192,11 +202,12 @@ class LineStatics:
             bends = [self._load(tower, snapshot)[0] / tension for tower, tension in zip(both, tensions, strict=True)]
             more = sum((one.bend - bend) * grown for bend, grown in zip(bends, pulled, strict=True))
             payloads = bends[0] * pulled[0] + tensions[0] / sum(tensions) * (weights + more)
-        return Carried(self._sizes[name] * payloads, 0.0, 0.0, self._ice[name])
+        return Carried(self._sizes[name] * payloads, 0.0, 0.0, self._ice[name], self._heavier[name])
 
     def of_drive(self, name: str, snapshot: Snapshot) -> Carried:
         """Static effects on the force of a drive: weights along the rope, friction of towers and of carriers."""
         payloads, friction, rolling, ice = self._sizes[name] * self._along(snapshot), 0.0, 0.0, self._ice[name]
+        heavier = self._heavier[name].copy()
         sense = float(np.sign(snapshot.columns.drive_speed[self._drives[name]]))
         contact = snapshot.columns.contact_force[self._rows]
         for number, rope in enumerate(self._ropes):
@@ -210,8 +221,9 @@ class LineStatics:
                 own = self.of_tower(tower, snapshot)
                 payloads += sense * one.friction * own.payloads
                 ice += sense * one.friction * own.ice
+                heavier += sense * one.friction * own.counterweights
                 friction += sense * one.friction * float(loads[self._supports[tower]])
-        return Carried(payloads, friction, rolling, ice)
+        return Carried(payloads, friction, rolling, ice, heavier)
 
     def _along(self, snapshot: Snapshot) -> FloatArray:
         """Effects (carriers,) in N/kg of payloads on the force of a drive by their weight along the rope."""
@@ -260,6 +272,34 @@ class LineStatics:
             for row in np.flatnonzero(here):
                 shares[row] -= rail_share(one.length, columns.arc_length[self._rows[row]])
         return shares, columns.joint_position[self._rows]
+
+
+def drag_of_wind(scenario: Scenario, wind: float) -> float:
+    """Force (N) that wind along the track adds to that of the drive at full speed, by the drag of the carriers.
+
+    Half of them move with the wind w, half against it. With the speed v, and a drag K u² of all at the speed u through
+    the air, they need K ((v + w) |v + w| + (v - w) |v - w|) / 2, which is K v² in still air.
+
+    Args:
+        scenario: with carriers.
+        wind: m/s.
+    """
+    assert scenario.carriers is not None
+    kinds = scenario.carriers.kinds_by_path.values()
+    area = max(sum(body.drag_areas[0] for body in kind.bodies.values()) for kind in kinds)
+    drag = 0.5 * scenario.air.density * area * scenario.carriers.count
+    speed = max(one.speed for one in command_limits(scenario).values())
+    meeting = [one * abs(one) for one in (speed + wind, speed - wind)]
+    return float(drag * (0.5 * sum(meeting) - speed**2))
+
+
+def counterweight_keys(scenario: Scenario) -> dict[str, tuple[str, float]]:
+    """Key and mass (kg) of each counterweight of the moving ropes of a scenario, by the name of its sheave."""
+    found = {}
+    for name, sheave in scenario.sheaves.items():
+        if sheave.counterweight is not None and sheave.counterweight.mass is not None:
+            found[name] = f"sheaves.{name}.counterweight.mass", float(sheave.counterweight.mass)
+    return found
 
 
 def _other_payloads(scenario: Scenario) -> dict[str, float]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower
+from cable_twin.ensemble.estimate.line_statics import counterweight_keys
 from cable_twin.ensemble.estimate.quantities import hidden_quantities
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
@@ -92,6 +93,8 @@ def _constant(log: Log, follower: AnyFollower, plant: Scenario, twin: Scenario) 
     shares = {round(own[name] / of_twin[name], 9) for name in own if of_twin.get(name)}
     rolling = {plant.carriers.friction.rolling} if plant.carriers is not None else set()
     ices = {one.ice for one in plant.cables.values()}
+    if plant.carriers is not None:
+        yield from ((f"{name}/counterweight", mass) for name, (_, mass) in counterweight_keys(plant).items())
     for name, values in (("towers/friction", shares), ("carriers/rolling", rolling), ("ropes/ice", ices)):
         if len(values) == 1:
             yield name, float(*values)
