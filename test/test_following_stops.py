@@ -167,7 +167,7 @@ def test_a_twin_that_goes_on_alone_doubts_forces_and_swing():
     def after(silent):
         unheard = Unheard(0.5 / 9.81)
         unheard.followed(said(100.0))
-        return unheard.doubted(said(104.0), silent).hidden
+        return unheard.widened(said(104.0), silent).hidden
 
     at_once, later = after(0.1), after(60.0)
     assert 5.0 < at_once["end"].deviation < 8.0

@@ -21,7 +21,7 @@ class Change(NamedTuple):
     likelier: float  # logarithm of how much likelier measurements are with it
 
 
-def doubted(
+def with_doubt_of_change(
     belief: Belief,
     terms: Terms,
     changes: Sequence[float],

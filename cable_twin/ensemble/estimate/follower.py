@@ -23,7 +23,7 @@ from cable_twin.ensemble.estimate.beginning import Motion, has_moved, values_at,
 from cable_twin.ensemble.estimate.biases import WRONG as WRONG_CELL
 from cable_twin.ensemble.estimate.biases import Biases
 from cable_twin.ensemble.estimate.boarding import Boarding
-from cable_twin.ensemble.estimate.changes import doubted
+from cable_twin.ensemble.estimate.changes import with_doubt_of_change
 from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.counterweights import Stuck, hold, mass_of, stops_of
 from cable_twin.ensemble.estimate.encoder_zeros import ZERO, Displaced, with_zero
@@ -37,6 +37,7 @@ from cable_twin.ensemble.estimate.quantities import (
     Slow,
     boards,
     bounds,
+    changes_of,
     estimates_of,
     friction_errors,
     hidden_quantities,
@@ -489,13 +490,9 @@ class Follower:
         """Enlarge the variance of a slow quantity whose sudden change explains a window better than any sensor's."""
         if not self._rows:
             return
-        numbers = self._rows[-1].numbers[0]
-        sizes = [
-            0.0 if one.payload_of and not boards(one, self._scenario, self._layout, numbers) else one.change
-            for one in self.slow
-        ]
-        wrong = WRONG * np.array([reading.noise for reading in self.readings.values()])
-        self._belief, found = doubted(self._belief, self._linear(self._rows), sizes, wrong, RARER)
+        sizes = changes_of(self.slow, self._scenario, self._layout, self._rows[-1].numbers[0])
+        wrong, terms = WRONG * np.array([one.noise for one in self.readings.values()]), self._linear(self._rows)
+        self._belief, found = with_doubt_of_change(self._belief, terms, sizes, wrong, RARER)
         if found >= 0 and (name := self.slow[found].name) not in self._held:
             self._departures.changed(self.time, name, float(self._biases.agreed(self._belief).mean[found]))
 

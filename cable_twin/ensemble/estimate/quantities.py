@@ -213,6 +213,11 @@ def boards(one: Slow, scenario: Scenario, layout: Layout, numbers: FloatArray, s
     return near and abs(speed) <= max(carriage.payload.station_speed, slow)
 
 
+def changes_of(slow: Sequence[Slow], scenario: Scenario, layout: Layout, numbers: FloatArray) -> list[float]:
+    """Standard deviations of sudden changes of slow quantities (0 of payloads on the line), as of `boards`."""
+    return [0.0 if one.payload_of and not boards(one, scenario, layout, numbers) else one.change for one in slow]
+
+
 def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> dict[str, Reading]:
     """Quantities that the sensors measure, by name; without inertial sensors.
 

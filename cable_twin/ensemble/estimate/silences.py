@@ -68,17 +68,17 @@ class Unheard:
         self._last = correction.hidden
         self._variances(correction)
 
-    def doubted(self, alone: Correction, silent: float) -> Correction:
+    def widened(self, alone: Correction, silent: float) -> Correction:
         """Estimates with more doubt, of a twin that has gone on alone for some seconds."""
         self._waves.stir(alone.time)
         waves, swing = self._variances(alone), min(silent / SWINGING, 1.0) * self._stopping
 
-        def widened(name: str, one: Estimate) -> Estimate:
+        def more_doubted(name: str, one: Estimate) -> Estimate:
             moved = one.value - self._last.get(name, one).value
             more = swing**2 if one.unit == "rad" else moved**2 + waves.get(name, 0.0)
             return one._replace(deviation=(one.deviation**2 + more) ** 0.5)
 
-        return alone._replace(hidden={name: widened(name, one) for name, one in alone.hidden.items()})
+        return alone._replace(hidden={name: more_doubted(name, one) for name, one in alone.hidden.items()})
 
     def _variances(self, correction: Correction) -> dict[str, float]:
         """Variances (N^2) of hidden forces by waves."""

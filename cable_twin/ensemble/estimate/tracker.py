@@ -354,7 +354,7 @@ class Tracker:
             self._taken = time = round(max(self._taken + self.follower.window, self.follower.time), 6)
             correction = self.follower.take(time, [])
             if correction is not None:
-                yield News(time, self._unheard.doubted(correction, time - self.arrivals.newest), ())
+                yield News(time, self._unheard.widened(correction, time - self.arrivals.newest), ())
 
 
 def _time(item: Item) -> float:
