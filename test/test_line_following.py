@@ -127,9 +127,9 @@ def test_forces_of_a_lift_that_stops_while_its_twin_goes_on_tell_nothing(under_w
 def test_what_is_told_of_a_lift_is_possible(under_way):
     """No friction or ice below 0, and payloads of 0 to the capacity; what goes with them moves along."""
     follower = LineFollower(under_way[0])
-    count, covariance = len(follower.carriers), follower._belief.covariance.copy()
+    count, ice, covariance = len(follower.carriers), follower._known - 1, follower._belief.covariance.copy()
     both = np.sqrt(np.diag(covariance))
-    covariance[count + 1, 0] = covariance[0, count + 1] = 0.5 * both[0] * both[count + 1]
+    covariance[ice, 0] = covariance[0, ice] = 0.5 * both[0] * both[ice]
     mean = np.zeros(covariance.shape[0])
     mean[0], mean[1], mean[count] = -5000.0, 5000.0, -1.5  # kg of two chairs, and friction
     told = follower._slow(follower._possible(Belief(mean, covariance)))
