@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cable_twin.ensemble.estimate.boarding import Boarding
 from cable_twin.ensemble.estimate.follower import Follower
 from cable_twin.ensemble.estimate.kalman import Belief, reset
 from cable_twin.frame.records import AppliedCommand, Command
@@ -77,3 +78,13 @@ def test_a_quantity_that_is_reset_is_apart_from_all_others():
     belief = reset(Belief(np.ones(3), np.full((3, 3), 0.5) + np.eye(3)), [1], 4.0, 2.0)
     np.testing.assert_array_equal(belief.mean, [1.0, 4.0, 1.0])
     np.testing.assert_array_equal(belief.covariance, [[1.5, 0.0, 0.5], [0.0, 4.0, 0.0], [0.5, 0.0, 1.5]])
+
+
+def test_members_are_loaded_alike_near_the_capacity():
+    """Above the estimate there is no room for 92 kg: with less for one member, slopes would be those of its loading."""
+    boarding, points = Boarding(np.full(1, 1920.0), 0, {0: 0}), np.array([[6308.0], [6366.0], [6250.0]])
+    boarding.changing, boarding._rows = True, [0]
+    wanted = np.array([[6400.0], [6400.0], [6200.0]])
+    blended, given = boarding.apart(points, wanted, np.zeros(1), np.full(1, 6400.0))
+    np.testing.assert_array_equal(blended, points)
+    np.testing.assert_allclose(given - points, 34.0)

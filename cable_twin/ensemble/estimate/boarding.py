@@ -40,6 +40,7 @@ class Boarding:
         self.changing, self._settled, self._agreed = False, False, False
         self._rows: list[int] = []
         self._carried = self._loaded = np.zeros(0)  # kg, by the members now, and since the last window
+        self._before = np.zeros(0)  # kg, payloads before they changed
         self._seen: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=WINDOWS)  # payloads, and variances by noise
         self._known: deque[tuple[Belief, Biases]] = deque(maxlen=WINDOWS)  # before these windows
 
@@ -57,6 +58,11 @@ class Boarding:
     def stirs(self) -> bool:
         """Whether payloads change or have changed in this stay, so that carriages move by some centimetres."""
         return self.changing or self._settled
+
+    def stirred(self, values: FloatArray) -> float:
+        """Waves that a change to payloads, the values (n,) of all quantities, has stirred, as a share of a tower's."""
+        changes = np.abs(values[self._rows] - self._before) / self._deviations[self._rows]
+        return min(float(changes.max(initial=0.0)), 1.0)
 
     def forget(self) -> None:
         """Forget the last windows, as no carriage stands in a station any more, or the twin begins anew."""
@@ -111,6 +117,7 @@ class Boarding:
         self._agreed = not contradicted
         if begins:
             self.changing, self._carried, self._loaded = True, belief.mean[rows], np.zeros(len(rows))
+            self._before = self._known[0][0].mean[rows]
         elif self.changing and not moved and len(self._seen) == WINDOWS:
             self.changing, self._settled = False, True
             self._known.clear()
@@ -158,5 +165,6 @@ class Boarding:
             return wanted, wanted
         blended, given, rows = wanted.copy(), wanted.copy(), self._rows
         blended[:, rows] = points[:, rows]
-        given[:, rows] = np.clip(points[:, rows] + wanted[0, rows] - points[0, rows], low[rows], high[rows])
+        least, most = low[rows] - points[:, rows].min(axis=0), high[rows] - points[:, rows].max(axis=0)
+        given[:, rows] = points[:, rows] + np.clip(wanted[0, rows] - points[0, rows], least, most)
         return blended, given

@@ -30,11 +30,11 @@ from cable_twin.ensemble.estimate.encoder_zeros import ZERO, Displaced, with_zer
 from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update
 from cable_twin.ensemble.estimate.linear_range import any_swing, doubt_steps, loads_went_far, slopes, wind_went_far
 from cable_twin.ensemble.estimate.quantities import (
-    NEAR,
     Estimate,
     Hidden,
     Reading,
     Slow,
+    boarding_walk,
     boards,
     bounds,
     changes_of,
@@ -47,10 +47,11 @@ from cable_twin.ensemble.estimate.quantities import (
     stencil,
     weights_of,
 )
-from cable_twin.ensemble.estimate.scatter import SLOWER, Scatter, excuse
+from cable_twin.ensemble.estimate.scatter import SLOWER, WAVING, Scatter, excuse
 from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts
+from cable_twin.ensemble.estimate.standing import Standing
 from cable_twin.ensemble.estimate.swings import ANY_SWING, PRIOR, SIZE, anchored, carried, growth, swings
-from cable_twin.ensemble.estimate.windows import Row, contradiction, fault_of, stuck_by
+from cable_twin.ensemble.estimate.windows import SURE, Row, contradiction, excused, fault_of, passes_a_tower, stuck_by
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Layout
@@ -58,18 +59,16 @@ from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import EquilibriumError
 
+CALMED = 300.0  # s, in which what a tower has stirred calms down
 WINDOW, WINDOW_OF_ROPES = 2.0, 3.0  # s, between two corrections, with one rope and with several
 FIRST_WINDOW = 1.0  # s, the first one of a twin that stands, so that it is as its plant before that moves
 LONGEST_WINDOW = 6.0  # s, to which it may grow while members pass from one element to the next
 SETTLING = 0.15  # s after a correction, without measurements
 FORGOTTEN = 100.0  # s, in which the error of the model in a sensor changes
-CALMED = 300.0  # s, in which what a tower has stirred calms down
 TIMING = 0.05  # s, by which what a sensor measures may be earlier or later than in the model
 NARROWEST = 0.03  # of the prior deviation, apart from which members are at least
-SURE = 1e-6  # probability at which a sensor contradicts the others
 WRONG = 5.0  # times its noise, by which a sensor may be wrong all at once, a standard deviation
 RARER = 4.0  # logarithm of how much rarer that is than a change of the plant that explains as much
-BOARDING = 0.01  # of the capacity, by which a payload may change in a second in a station, as WIND_WALK
 FASTER = 20.0  # times the usual drift of a quantity of which an alarm has told: ice that has come may go on coming
 RESTS = 8  # at most, that are tried for one window
 
@@ -104,8 +103,8 @@ class Follower:
         self._ensemble = Ensemble(scenario, members, threads=threads, progress=False)
         start = self._ensemble.snapshot(0)
         self._layout = start.layout
-        supports = start.layout.support_rows
-        scale = {name: float(np.linalg.norm(start.columns.support_force[row])) for name, row in supports.items()}
+        forces = start.columns.support_force
+        scale = {name: float(np.linalg.norm(forces[row])) for name, row in start.layout.support_rows.items()}
         self.readings: dict[str, Reading] = readings(scenario, start.layout, scale)
         self._towers = np.array([one.position[0] for one in scenario.towers.values()])
         self._tracks = start.layout.places.joint_position[:, 0].astype(np.intp)
@@ -117,10 +116,11 @@ class Follower:
         self.doubts, self._scatter = Doubts(self.readings), Scatter(tuple(self.readings))
         errors = np.array([one.error for one in self.readings.values()])
         self._usual_errors, self._of_friction = errors, friction_errors(scenario, self.readings, scale)
+        self._standing = Standing(scenario, self.readings, start.layout)
         self._errors, self._rows_of = errors, {name: row for row, name in enumerate(self.readings)}
         mean = np.concatenate([[one.mean for one in self.slow], np.zeros(len(self._fast) + errors.size)])
-        swing = np.full(len(self._fast), PRIOR)
-        self._belief = Belief(mean, np.diag(np.concatenate([self._deviation, swing, errors]) ** 2))
+        deviations = [self._deviation, np.full(len(self._fast), PRIOR), errors]
+        self._belief = Belief(mean, np.diag(np.concatenate(deviations) ** 2))
         cells = [(name, one.of) for name, one in scenario.sensors.items() if one.kind == "load_cell"]
         wrong = {name: WRONG_CELL * scale[of] for name, of in cells} | dict.fromkeys(self._displaced.encoders, ZERO)
         self._biases = Biases(wrong, mean.size, recent=0, kept=self._displaced.encoders)
@@ -197,12 +197,20 @@ class Follower:
 
     def _expect(self, friction: FloatArray) -> None:
         """Doubt sensors by standard deviations (sensors,), as towers hold the rope by an unknown friction."""
-        self._errors = np.hypot(self._usual_errors, friction)
+        self._errors = np.hypot(self._usual_errors, friction + self._standing.errors)
         self._biases.expect(dict(zip(self.readings, self._errors.tolist(), strict=True)))
         mean, covariance = self._belief.mean, self._belief.covariance.copy()
         of_sensors = range(mean.size - self._errors.size, mean.size)
         covariance[of_sensors, of_sensors] = np.maximum(np.diag(covariance)[of_sensors], self._errors**2)
         self._belief = Belief(mean, covariance)
+
+    def _roll(self) -> None:
+        """Forget how carriages were held that roll from this window on, and what their drives told in their stand."""
+        rows = [self._belief.mean.size - self._errors.size + row for row in self._standing.rows]
+        self._belief = reset(self._belief, rows, 0.0, self._usual_errors[self._standing.rows])
+        self._biases.forget(rows)
+        self._expect(self._of_friction)
+        self._rows = [row for row in self._rows if self._standing.tells(row.sensor, row.numbers[0])]
 
     def doubt_swing(self, until: float = 0.0, waves: float = 1.0) -> None:
         """Expect any swing, and waves by the share of those behind a tower; as at one until a time (s)."""
@@ -247,7 +255,7 @@ class Follower:
                 value = reading.measured(one)
                 variance = self._variance(reading) + (TIMING * float(np.linalg.norm(rates[reading.places]))) ** 2
                 self._rows.append(Row(sensor, value, reading.of(numbers), variance, numbers))
-        if (self._passes_a_tower(numbers[0]) or time < self._shaken) != self._at_tower:
+        if (passes_a_tower(numbers[0, self._tracks], self._towers) or time < self._shaken) != self._at_tower:
             self._at_tower = not self._at_tower
             self._stirred = max(self._stirred, 1.0)
             self._rows, self._since, self._from = [], time, time
@@ -271,16 +279,13 @@ class Follower:
     def _advance(self, time: float) -> None:
         self._ensemble.advance_to(max(time, self.time) - self._zero)
 
-    def _passes_a_tower(self, numbers: FloatArray) -> bool:
-        """Whether a carriage is so near to a tower that the members differ in more than first order."""
-        places = numbers[self._tracks]
-        return bool((np.abs(places[:, None] - self._towers) < NEAR).any())
-
     def _correct(self, time: float, numbers: FloatArray, alarms: list[Alarm]) -> Correction:
         """Correct slow quantities and states by the measurements of a window."""
         if self._stands and self._rest_where_believed(time):
             numbers = self._ensemble.numbers()
-        boarding = self._take_boarding(numbers)
+        if self._standing.rolls(numbers[0]):
+            self._roll()
+        boarding = self._take_boarding(time, numbers)
         of_swing = [row for row in self._rows if self.readings[row.sensor].unit == "rad"]
         used = of_swing if self._at_tower else [] if boarding else self._consistent(time, alarms)
         innovation = 1.0
@@ -298,7 +303,8 @@ class Follower:
                 self._biases.note([row.sensor for row in used], *terms, before, not far, elsewhere)
             if far:
                 swinging = any_swing(before, len(self.slow), len(self._fast))
-                self._belief, self._stirred = self._belief._replace(covariance=swinging), 1.0
+                self._belief = self._belief._replace(covariance=swinging)
+                self._stirred = self._stirred if self._stands else 1.0
             else:
                 self._belief = doubt_steps(self.slow, self._points[0], self._belief)
         sure = not (self._astray or self._held or boarding)  # else the plant may explain as much as a wrong cell
@@ -324,7 +330,7 @@ class Follower:
         self.doubts.forget()
         return [Alarm(time, said)]
 
-    def _take_boarding(self, numbers: FloatArray) -> bool:
+    def _take_boarding(self, time: float, numbers: FloatArray) -> bool:
         """Estimate payloads alone while they change in stations, by (members, n) values; False while none does.
 
         Towers hold the rope by their friction then, so that members cannot rest anew around what a window says.
@@ -340,17 +346,21 @@ class Follower:
         if self._boarding.look(rows, terms, self._belief, self._biases, contradicted):
             self._belief, self._biases = self._boarding.before
             self._stands, self._astray = False, {}
+            self._standing.stir()
             self._expect(self._of_friction)
             self.doubts.forget()
         if not (self._boarding.changing or before):
             return False
-        if not self._boarding.changing:  # any more; it has stirred the rope as a tower does
-            self._stirred = 1.0
+        if not self._boarding.changing:  # any more
+            self._scatter.expect()
+            self.doubts.expect_waves(time + WAVING)
+            self._stirred = max(self._stirred, self._boarding.stirred(self._points[0]))
             self._rows = [row._replace(variance=self._variance(self.readings[row.sensor])) for row in self._rows]
         self._belief.mean[rows] = self._points[0, rows]  # of the belief from before
         self._belief = self._boarding.doubted(rows, self._belief)
         taken = self._linear(self._rows), [row.sensor for row in self._rows]
         self._belief = self._boarding.take(*taken, self._belief, self._biases)
+        self._note_scatter(time - self._since)
         return True
 
     def _rest_where_believed(self, time: float) -> bool:
@@ -475,16 +485,9 @@ class Follower:
             return []
         one, _, other = contradicting.partition("/")
         if not other:
-            return [row for name in of if name != one for row in self._excused(of[name])]
+            return [row for name in of if name != one for row in excused(of[name], self._linear, self._belief)]
         to = {one: other, other: one}
         return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
-
-    def _excused(self, rows: list[Row]) -> list[Row]:
-        """Rows of one sensor, with more variance where waves within the window alone keep it from contradicting."""
-        terms = self._linear(rows) if rows else None
-        if not terms or normalised_square(*terms, self._belief.covariance) < scipy.special.chdtri(len(rows), SURE):
-            return rows
-        return [row._replace(variance=row.variance + excuse(terms[0], terms[2])) for row in rows]
 
     def _doubt_what_changed(self) -> None:
         """Enlarge the variance of a slow quantity whose sudden change explains a window better than any sensor's."""
@@ -498,9 +501,8 @@ class Follower:
 
     def _walk(self, one: Slow, numbers: FloatArray) -> float:
         """Standard deviation of what a slow quantity may change by in a second, by the values (n,) of a frame."""
-        if boards(one, self._scenario, self._layout, numbers):
-            return BOARDING * one.high
-        return one.walk * (FASTER if self._departures.told(self.time, one.name) else 1.0)
+        walk = one.walk * (FASTER if self._departures.told(self.time, one.name) else 1.0)
+        return boarding_walk(one, self._scenario, self._layout, numbers) or walk
 
     def _contradicting(self) -> tuple[dict[str, list[Row]], str]:
         """Measurements of a window by sensor, and the sensor or swapped pair of sensors that contradicts all others."""
@@ -520,7 +522,8 @@ class Follower:
 
     def _variance(self, reading: Reading) -> float:
         """Variance of a sample: noise of the sensor and usual fast error of the model."""
-        return reading.noise**2 + reading.fast.variance(self._stirred, self._at_tower)
+        stirred = 0.0 if self._standing.doubts(reading.name) else self._stirred
+        return reading.noise**2 + reading.fast.variance(stirred, self._at_tower)
 
     def _unexplained(self, unit: str, sensor: str = "") -> float:
         """Variance of a quantity at one moment by errors of the model that sensors of its kind show by their scatter.

@@ -73,6 +73,7 @@ ICE, ICE_TOLERANCE, ICE_WALK = 0.5, 0.3, 5e-3  # kg/m: prior deviation, without 
 ICING = 0.05  # kg/m, standard deviation of ice that comes or falls off within a window
 PAYLOAD_TOLERANCE = 0.015  # of the capacity, without an alarm
 HELD = 0.1  # of the friction of all towers, standard deviation of what it holds of a tension after earlier motion
+BOARDING = 0.01  # of the capacity, by which a payload may change in a second in a station, as WIND_WALK
 NEAR = 40.0  # m along the track from a tower, where slow quantities go on by the model, and of a station
 SLOW = 0.1  # m/s, below which the twin of a vehicle that stands in a station counts as standing
 QUANTISED = 12**-0.5  # standard deviation of rounding, in quanta
@@ -211,6 +212,11 @@ def boards(one: Slow, scenario: Scenario, layout: Layout, numbers: FloatArray, s
     place, speed = float(numbers[places.arc_length[row]]), float(numbers[places.speed[row]])
     near = min(place, length - place) <= (carriage.payload.station_distance or NEAR)
     return near and abs(speed) <= max(carriage.payload.station_speed, slow)
+
+
+def boarding_walk(one: Slow, scenario: Scenario, layout: Layout, numbers: FloatArray) -> float:
+    """Standard deviation of what a payload may change by in a second in a station; 0 elsewhere, as of `boards`."""
+    return BOARDING * one.high if boards(one, scenario, layout, numbers) else 0.0
 
 
 def changes_of(slow: Sequence[Slow], scenario: Scenario, layout: Layout, numbers: FloatArray) -> list[float]:

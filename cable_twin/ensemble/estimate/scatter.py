@@ -13,6 +13,7 @@ import numpy as np
 from cable_twin.mechanics.parameters import FloatArray
 
 MEMORY = 20.0  # s, in which waves are forgotten
+WAVING = 60.0  # s, in which waves that are expected calm down
 SURE_SHARE = 0.3  # of the assumed variance, from which on the average over windows is not by chance
 SURE_IN_WINDOW = 1.0  # the same of a window by itself
 FEWEST = 5  # samples of a window that tell of waves
@@ -56,6 +57,11 @@ class Scatter:
     def __init__(self, sensors: Sequence[str]) -> None:
         self._found = dict.fromkeys(sensors, (0.0, 0.0, 0.0))  # weighted sums: of waves, assumed variances, windows
         self._last = dict.fromkeys(sensors, (0.0, 0.0))  # waves in the last two windows
+        self._expected = 0.0  # remaining share of waves that have been excited
+
+    def expect(self) -> None:
+        """Take all that scatters for waves at first, as who boards has excited waves."""
+        self._expected = 1.0
 
     def note(self, lasted: float, sensors: Sequence[str], differences: FloatArray, assumed: FloatArray) -> None:
         """Update the average variances of waves by the samples of one window.
@@ -66,6 +72,7 @@ class Scatter:
             differences: (n,) samples less what the model says.
             assumed: (n,) variance of each sample by noise and usual errors of the model.
         """
+        self._expected *= float(np.exp(-lasted / WAVING))
         kept, names = float(np.exp(-lasted / MEMORY)), np.array(sensors)
         for name in dict.fromkeys(sensors):
             own = names == name
@@ -81,4 +88,5 @@ class Scatter:
     def unexplained(self, sensor: str) -> float:
         """Variance of waves in a sensor's values, which usual errors do not explain; 0 where it is not significant."""
         waves, known, windows = self._found[sensor]
-        return waves / windows if windows > 0.0 and waves > SURE_SHARE * known else 0.0
+        sure = waves > SURE_SHARE * (1.0 - self._expected) * known
+        return waves / windows if windows > 0.0 and sure else 0.0

@@ -83,6 +83,7 @@ class Doubts:
         self._suspected: dict[str, int] = {}
         self._last: dict[str, tuple[float, int]] = {}  # value and count of equal samples
         self._moved: dict[str, tuple[float, float, float]] = {}  # time, place and speed of the last move of an encoder
+        self._rough_until = -np.inf  # s, until when the plant has waves that its twin does not have
         self._jumps = {name: Jumps(one.noise) for name, one in readings.items() if one.unit == "m"}
         self._leaps = {name: Leaps(one.noise) for name, one in readings.items() if one.unit == "m"}
         self._away: dict[str, list[float]] = {}  # m, of samples one after the other, from where each encoder may be
@@ -119,10 +120,9 @@ class Doubts:
             leaps.clear()
         self._forget_places()
 
-    def expect_waves(self) -> None:
-        """Tell larger jumps of encoders alone from now on, as the plant has waves that its twin does not have."""
-        for jumps in self._jumps.values():
-            jumps.smallest = ROUGHER * SMALLEST
+    def expect_waves(self, until: float = np.inf) -> None:
+        """Tell larger jumps of encoders alone until a time (s), as the plant has waves that its twin does not have."""
+        self._rough_until = max(self._rough_until, until)
 
     def of_samples(
         self,
@@ -245,6 +245,7 @@ class Doubts:
             if sensor not in self._jumps:
                 continue
             apart = one.values[0] - self._readings[sensor].in_frame(numbers)
+            self._jumps[sensor].smallest = ROUGHER * SMALLEST if time < self._rough_until else SMALLEST
             if size := self._jumps[sensor].note(time, apart):
                 text = f"sensor {one.sensor} has jumped by {with_unit(size, 'm', 2)} and is left out"
                 alarms.append(self.leave_out(one.sensor, time, text))

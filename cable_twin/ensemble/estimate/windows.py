@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.special
 
 from cable_twin.ensemble.estimate.counterweights import Stuck, stuck_counterweight
-from cable_twin.ensemble.estimate.quantities import Reading
+from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square
+from cable_twin.ensemble.estimate.quantities import NEAR, Reading
+from cable_twin.ensemble.estimate.scatter import excuse
 from cable_twin.ensemble.estimate.sensor_faults import fault_of_drive, negative
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 
+SURE = 1e-6  # probability at which a sensor contradicts the others
 SEEN, ALIKE = 3.0, 0.5  # times the noise, that a value has to be, and share of it by which its negative may be wrong
 
 
@@ -24,6 +28,19 @@ class Row(NamedTuple):
     predicted: FloatArray  # (members,)
     variance: float
     numbers: FloatArray  # (members, n) of the frames of that time
+
+
+def passes_a_tower(places: FloatArray, towers: FloatArray) -> bool:
+    """Whether a carriage is so near to a tower that members differ in more than first order; places (m) of both."""
+    return bool((np.abs(places[:, None] - towers) < NEAR).any())
+
+
+def excused(rows: list[Row], linear: Callable[[list[Row]], Terms], belief: Belief) -> list[Row]:
+    """Rows of one sensor, with more variance where waves within the window alone keep it from contradicting."""
+    terms = linear(rows) if rows else None
+    if not terms or normalised_square(*terms, belief.covariance) < scipy.special.chdtri(len(rows), SURE):
+        return rows
+    return [row._replace(variance=row.variance + excuse(terms[0], terms[2])) for row in rows]
 
 
 def stuck_by(scenario: Scenario, of: Mapping[str, Sequence[Row]], held: Container[str]) -> Stuck:
@@ -73,4 +90,4 @@ def _apart(rows: Sequence[Row]) -> float:
     return float(np.mean([row.value - row.predicted[0] for row in rows]))
 
 
-__all__ = ["Row", "contradiction", "fault_of", "stuck_by"]
+__all__ = ["SURE", "Row", "contradiction", "excused", "fault_of", "passes_a_tower", "stuck_by"]
