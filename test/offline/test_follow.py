@@ -13,10 +13,11 @@ from recorded_run import snapshots_of
 from cable_twin import Ensemble
 from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.ensemble.estimate.correction import Correction
-from cable_twin.ensemble.estimate.follower import BOARDING, Follower
+from cable_twin.ensemble.estimate.follower import Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
 from cable_twin.ensemble.estimate.line_follower import LineFollower
 from cable_twin.ensemble.estimate.quantities import (
+    BOARDING,
     Errors,
     Estimate,
     Reading,
