@@ -210,11 +210,17 @@ class Workspace(NamedTuple):
     patch_elastic: Annotated[FloatArray, Of("element row", WIDTH)]  # elastic part of the `group` of these
     patch_by_length: Annotated[FloatArray, Of("patch length", WIDTH)]  # derivatives of their elastic energy by length
     right_side: Annotated[FloatArray, Of("node", 3, "dim")]  # minus the residual; after the solution the increment of e
-    contact_slide: Annotated[FloatArray, Of("contact", unit="N/m")]  # growth of its friction with sliding, over |r_x|
-    contact_element: Annotated[IntArray, Of("contact", first=-1)]  # where the rope touches, or is near; else -1
-    contact_shape: Annotated[FloatArray, Of("contact", 4)]  # shape functions there
-    contact_depth: Annotated[FloatArray, Of("contact", 2, unit="m, m/s")]  # and its rate
-    contact_normal: Annotated[FloatArray, Of("contact", "dim")]  # of the rope
+    contact_slide: Annotated[
+        FloatArray, Of("contact lane", unit="N/m")
+    ]  # growth of its friction with sliding, over |r_x|
+    contact_element: Annotated[IntArray, Of("contact lane", first=-1)]  # where the rope touches, or is near; else -1
+    contact_place: Annotated[FloatArray, Of("contact lane", unit="m")]  # arc length at which the rope is taken there
+    contact_shape: Annotated[FloatArray, Of(4, "contact lane")]  # shape functions there
+    contact_depth: Annotated[FloatArray, Of(2, "contact lane", unit="m, m/s")]  # and its rate
+    contact_normal: Annotated[FloatArray, Of("dim", "contact lane")]  # of the rope
+    lane_element: Annotated[IntArray, Of(WIDTH)]  # of the contacts of a group
+    lane_moves: Annotated[BoolArray, Of(WIDTH)]  # whether their nearest points are still looked for
+    lane_numbers: Annotated[FloatArray, Of(8, WIDTH)]  # of the contacts of a group, one row a number
     joint_gap: Annotated[
         FloatArray, Of("body", "dim", unit="m")
     ]  #  (or m/s² at acceleration level): what each joint has to close
@@ -293,6 +299,7 @@ def sizes_of(system: System) -> dict[str, int]:
         "vehicle": system.carriages.fixed.size,
         "tower": system.towers.top.shape[0],
         "contact": system.towers.stiffness.size,
+        "contact lane": -(-system.towers.stiffness.size // WIDTH) * WIDTH,
         "pair": system.buffers.other.size,  # of vehicles that may push each other
         "wind point": system.air.wind.turbulence.shape[0],
         "dim": dim,

@@ -270,7 +270,7 @@ class Engine:
         note_clamps(self.parts, self.bundle.clamps)
         for row, (part, drives) in enumerate(zip(self.parts, held, strict=True)):
             self._ropes.put(row, part.system)
-            store_equilibrium(part.system, part.state)
+            store_equilibrium(part.system, part.state, self._works[row])
             release_joints(part.system, part.state, *drives)
             self.bundle.wires.tension[row] = part.mean_tension()
 

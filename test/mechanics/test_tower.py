@@ -6,16 +6,16 @@ from systems import dense_blocks, difference, disturbed_state, from_nodal_vector
 
 from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.tower import (
-    NEAR,
     add_towers,
     contact_energy,
     contact_force,
     contact_frame,
     derail,
-    find_contact,
+    find_contacts,
     normal_force,
     settle_towers,
 )
+from cable_twin.mechanics.on_rope.tower_contact import NEAR
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.point import point_at, slope, value
 
@@ -67,10 +67,10 @@ def forces_on_nodes(system, state, work, rate_factor=0.0, stiffness_factor=0.0):
 
 @pytest.mark.parametrize("start", [-0.15, 0.0, 0.2])
 def test_the_contact_is_the_nearest_point_of_the_rope(start):
-    system, state, _ = touching()
+    system, state, work = touching()
     state.contact_arc_length[:] = np.array(PLACES) + start
+    find_contacts(system.cable, system.towers, state, 0, work)
     for contact, s in enumerate(PLACES):
-        find_contact(system.cable, system.towers, state, contact)
         assert state.contact_arc_length[contact] == pytest.approx(s, abs=NEAR**2)  # of elements of less than a metre
 
 
@@ -79,17 +79,18 @@ def test_a_contact_that_is_clear_of_the_rope_is_looked_at_again_when_the_rope_co
     for depth, start, looked in ((-0.02, 0.005, False), (-0.005, 0.005, True), (-0.02, 0.1, True)):
         system, state, work = touching(depth)
         state.contact_arc_length[:] = np.array(PLACES) + start
+        find_contacts(system.cable, system.towers, state, 0, work)
         for contact, s in enumerate(PLACES):
-            assert find_contact(system.cable, system.towers, state, contact)[0] == looked
+            assert (work.contact_element[contact] >= 0) == looked
             where = s if looked else s + start
             assert state.contact_arc_length[contact] == pytest.approx(where, abs=NEAR**2)
         assert not forces_on_nodes(system, state, work).any()
 
 
 def test_beyond_an_end_the_contact_stays_at_the_end():
-    system, state, _ = touching(places=(0.3,))
+    system, state, work = touching(places=(0.3,))
     system.towers.position[0] = [-5.0, 0.0]
-    find_contact(system.cable, system.towers, state, 0)
+    find_contacts(system.cable, system.towers, state, 0, work)
     assert state.contact_arc_length[0] == 0.0
 
 
@@ -132,8 +133,8 @@ def test_without_friction_and_damping_the_force_has_a_potential(depth):
         moved = clone(state)
         moved.nodes.position[:] += from_nodal_vectors(change, 2)
         total = 0.0
+        find_contacts(system.cable, system.towers, moved, 0, work)
         for contact in range(3):
-            find_contact(system.cable, system.towers, moved, contact)
             total += contact_energy(system.cable, system.towers, moved, contact)
         return np.array([total])
 
@@ -182,13 +183,11 @@ def test_stiffness_sets_in_smoothly():
 
 
 def test_a_step_ends_with_its_friction_and_the_loads_of_the_towers():
-    system, state, _ = touching()
+    system, state, work = touching()
     state.tower_load[:, 1] = [1e9, 1.0, 1e9]
-    loads = []
-    for contact in range(3):
-        find_contact(system.cable, system.towers, state, contact)
-        loads.append(contact_force(system.cable, system.towers, state, contact)[1])
-    settle_towers(system.cable, system.towers, state)
+    find_contacts(system.cable, system.towers, state, 0, work)
+    loads = [contact_force(system.cable, system.towers, state, contact)[1] for contact in range(3)]
+    settle_towers(system.cable, system.towers, state, work)
     np.testing.assert_allclose(state.tower_load[:, 0], loads)
     np.testing.assert_allclose(state.tower_load[:, 1], [loads[0], 1.0, loads[2]])
     np.testing.assert_array_equal(state.contact_origin, state.contact_arc_length)
@@ -210,10 +209,10 @@ def lying(aside=0.0, depth=0.03, ratio=0.5, hold_down=False):
     return system._replace(towers=towers), state, work
 
 
-def end_step(system, state):
+def end_step(system, state, work):
     """Derailment at the end of a step: kind and time (steps)."""
-    find_contact(system.cable, system.towers, state, 0)
-    settle_towers(system.cable, system.towers, state)
+    find_contacts(system.cable, system.towers, state, 0, work)
+    settle_towers(system.cable, system.towers, state, work)
     derail(system.cable, system.towers, state, system.cable.gravity)
     return tuple(state.derailment[0].tolist())
 
@@ -221,12 +220,12 @@ def end_step(system, state):
 @pytest.mark.parametrize("hold_down", [False, True])
 @pytest.mark.parametrize("aside", [0.06, -0.06])
 def test_the_groove_holds_the_rope_sideways_with_its_ratio_times_the_normal_force(aside, hold_down):
-    system, state, _ = lying(aside, hold_down=hold_down)
+    system, state, work = lying(aside, hold_down=hold_down)
     force, normal = contact_force(system.cable, system.towers, state, 0)
     ratio = 4.0 * aside  # 1/m times m
     np.testing.assert_allclose(force, [0.0, -ratio * normal, -normal if hold_down else normal], atol=1e-9)
     assert normal > 50.0
-    assert end_step(system, state) == (IN_GROOVE, 0)
+    assert end_step(system, state, work) == (IN_GROOVE, 0)
     np.testing.assert_allclose(state.tower_lateral[0], [-ratio * normal, abs(ratio)])
 
 
@@ -235,10 +234,10 @@ def test_the_groove_holds_the_rope_sideways_with_its_ratio_times_the_normal_forc
 def test_beyond_its_ratio_the_rope_is_out_on_that_side_for_good(aside, out, hold_down):
     system, state, work = lying(aside, hold_down=hold_down)
     state.clock[0] = 41
-    assert end_step(system, state) == (out, 42)
+    assert end_step(system, state, work) == (out, 42)
     state.nodes.position[:, 0, 1] -= aside  # straight above its groove again
     state.clock[0] = 50
-    assert end_step(system, state) == (out, 42)
+    assert end_step(system, state, work) == (out, 42)
     force, normal = contact_force(system.cable, system.towers, state, 0)
     assert normal == 0.0
     np.testing.assert_array_equal(force, 0.0)
@@ -249,24 +248,24 @@ def test_beyond_its_ratio_the_rope_is_out_on_that_side_for_good(aside, out, hold
 
 
 def test_just_below_its_ratio_it_stays():
-    assert end_step(*lying(0.1249)[:2]) == (IN_GROOVE, 0)
+    assert end_step(*lying(0.1249)) == (IN_GROOVE, 0)
 
 
 @pytest.mark.parametrize(("lift", "out"), [(0.9 * HEIGHT, IN_GROOVE), (1.1 * HEIGHT, LIFTED)])
 def test_lifted_above_the_groove_the_rope_is_out(lift, out):
-    system, state, _ = lying(0.0, depth=-lift)
+    system, state, work = lying(0.0, depth=-lift)
     assert contact_frame(system.cable, system.towers, state, 0)[4] == pytest.approx(-lift)
-    assert end_step(system, state)[0] == out
+    assert end_step(system, state, work)[0] == out
     state.nodes.position[:, 0, 2] -= 2.0 * lift
-    settle_towers(system.cable, system.towers, state)
+    settle_towers(system.cable, system.towers, state, work)
     assert (state.tower_load[0, 0] > 0.0) == (out == IN_GROOVE)
 
 
 def test_a_plane_has_no_way_out():
     system = make_system(2, towers={"contacts": 1})
-    state, _ = disturbed_state(system)
+    state, work = disturbed_state(system)
     system.towers.position[0] = [0.9, -50.0]  # far below
-    assert end_step(system, state) == (IN_GROOVE, 0)
+    assert end_step(system, state, work) == (IN_GROOVE, 0)
 
 
 @pytest.mark.parametrize("speed", [0.4, -0.003])
@@ -288,7 +287,7 @@ def test_friction_sideways_is_against_the_speed_and_its_tangent_is_the_derivativ
     force, normal = contact_force(cable, towers, state, 0)
     expected = -4.0 * 0.02 * normal - 0.3 * normal * speed / np.hypot(speed, 0.01)
     assert force[1] == pytest.approx(expected, rel=1e-9)
-    assert end_step(system, state)[0] == IN_GROOVE
+    assert end_step(system, state, work)[0] == IN_GROOVE
     assert state.tower_lateral[0, 0] == pytest.approx(expected, rel=1e-9)
     change = 1e-7
     numeric = -(side(change, 50.0 * change) - side(-change, -50.0 * change)) / (2.0 * change)

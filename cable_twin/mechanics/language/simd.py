@@ -83,6 +83,26 @@ def gather_vectors(rows: Any, first: Any, like: Vec) -> Vec:
 
 
 @formula
+def gather_rows(rows: Any, first: Any, like: Vec) -> Vec:
+    """Vector (dim,) of SIMD lanes: `WIDTH` adjacent rows of `rows` (n, dim), from row `first` on."""
+    last = size_of(rows, 0) - 1
+    return Vec(as_lanes([rows[least(first + lane, last), axis] for lane in range(WIDTH)]) for axis in range(len(like)))
+
+
+@formula
+def put_vectors(values: Vec, rows: Any, first: Any) -> None:
+    """Write a vector (dim,) of SIMD lanes to `WIDTH` adjacent columns of `rows` (dim, n) from `first` on."""
+    for k, value in enumerate(values):
+        write_lanes(value, rows, (k, first))
+
+
+@formula
+def put_numbers(lanes: Any, numbers: Any, first: Any) -> None:
+    """Write SIMD lanes to `WIDTH` entries of `numbers` (n,) from `first` on, all existing."""
+    write_lanes(lanes, numbers, (first,))
+
+
+@formula
 def read_vector(rows: Any, first: Any, like: Vec) -> Vec:
     """Vector (dim,) of SIMD lanes from as many rows of `rows` (rows, WIDTH), from row `first` on."""
     return Vec(read_lanes(rows, (first + axis, 0), WIDTH) for axis in range(len(like)))

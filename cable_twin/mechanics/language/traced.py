@@ -442,6 +442,38 @@ def square_root(value: Any) -> Any:
     return value.square_root() if isinstance(value, _Number) else np.sqrt(value)
 
 
+@formula
+def magnitude(value: Any) -> Any:
+    """Absolute value of a number, or of each SIMD lane."""
+    if not isinstance(value, _Number):
+        return np.abs(value)
+    return value if value.place is None else _call("llvm.fabs", value.kind, [value.value], value.place)
+
+
+@formula
+def larger(one: Any, other: Any) -> Any:
+    """Larger of two floats, or of each SIMD lane of them; the second one where one of them is no number."""
+    return _chosen(">", one, other)
+
+
+@formula
+def smaller(one: Any, other: Any) -> Any:
+    """Smaller of two floats, or of each SIMD lane of them; the second one where one of them is no number."""
+    return _chosen("<", one, other)
+
+
+def _chosen(condition: str, one: Any, other: Any) -> Any:
+    """Return the first of two traced numbers where the condition between them holds, else the second one."""
+    if not isinstance(one, _Number):
+        return np.where(one > other if condition == ">" else one < other, one, other)[()]
+    other = _as_number(other, one.place)
+    kind = max(one.kind, other.kind, key=_RANKS.index)
+    if one.place is None:
+        return _Number(kind, None, None)
+    builder, a, b = one.place[1], one.cast(kind), other.cast(kind)
+    return _Number(kind, builder.select(builder.fcmp_ordered(condition, a, b), a, b), one.place)
+
+
 def least(one: Any, other: Any) -> Any:
     """Lesser of two integers, for traced formulas."""
     if not isinstance(one, _Number):

@@ -19,111 +19,149 @@ no groove, and no code is compiled for it.
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import inf
 from typing import Any
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.rotations import cross
-from cable_twin.mechanics.language.traced import formula, square_root
-from cable_twin.mechanics.language.vectors import Matrix, Vector, add_scaled, dot, load, outer, scale, store, subtract
-from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
-from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.language.simd import (
+    WIDTH,
+    gather_listed,
+    gather_numbers,
+    gather_numbers_listed,
+    gather_rows,
+    gather_vectors,
+    put_numbers,
+    put_vectors,
+    read_vector,
+    spread,
+    turn_lanes,
+)
+from cable_twin.mechanics.language.traced import formula, larger, magnitude, square_root
+from cable_twin.mechanics.language.vectors import Vector, add_scaled, dot, load, outer, scale, store, subtract
+from cable_twin.mechanics.on_rope.buffer import buffer_energy
+from cable_twin.mechanics.on_rope.tower_contact import (
+    MAX_MOVES,
+    NEAR,
+    approach,
+    force_and_tangent,
+    groove_tangent,
+    mobilised,
+    normal_force,
+    shape_at_contact,
+    shapes_at,
+    side_force,
+    sideways,
+    with_groove,
+)
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEFT, OUT_RIGHT
-from cable_twin.mechanics.rope.ale import rope_before
+from cable_twin.mechanics.rope.ale import nodal_vectors, rope_before
+from cable_twin.mechanics.rope.element import accumulate_element
 from cable_twin.mechanics.rope.following_nodes import at_place
 from cable_twin.mechanics.rope.patch import beside_load, follows, motion_at_rest
 from cable_twin.mechanics.rope.point import (
     AFTER,
     BEFORE,
     R,
-    bend,
-    interpolate,
+    element_at,
     point_at,
     point_on,
     slope,
     value,
+    weighted,
+    write_point_load,
 )
 from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tangent
 
-MAX_MOVES = 30  # Newton iterations for the nearest point
 CLEAR = 0.01  # m, by which the rope is off a contact that is not looked at closely
-NEAR = 1e-4  # of an element's length: a last move below leaves its square times the share of depth to bend
-STILL = 1e-6  # the same: after a shorter move the rope is taken as it is before it
-
-
-@inlined_kernel
-def find_contact(cable, towers, state, contact):
-    """Update the arc length of a tower contact to the point of the rope nearest to it.
-
-    A rope that is `CLEAR` off does not touch it, and the arc length is left where it is while it is less than that from
-    the nearest: with r - p = α n + β t and n at right angles to t, α n·m is r·m - p·m - β t·m > 0, m the side of the
-    rope. Most contacts hardly move in an iteration: of such a move the point is that before it.
-
-    Returns:
-        Whether the rope may touch; the point on it.
-    """
-    like, s = cable.gravity, state.contact_arc_length[contact]
-    place, point = load(towers.position[contact], like), point_at(cable, state, s)
-    apart, r_x, there, move = approach(cable, state, place, point, s)
-    along = dot(apart, r_x)
-    if dot(apart, load(towers.normal[contact], like)) > CLEAR and along * along < CLEAR * CLEAR * dot(r_x, r_x):
-        return False, point
-    if move > NEAR:
-        there = nearest(cable, state, place, there)
-    if move > STILL:
-        point = point_at(cable, state, there)
-    state.contact_arc_length[contact] = there
-    return True, point
+STILL = 1e-6  # of an element's length: after a shorter move the rope is taken as it is before it
+FOUR = (0.0, 0.0, 0.0, 0.0)  # numbers of a contact, as shape functions
+LAW = (0.0, 0.0, 0.0, 0.0, 0.0)  # likewise: what `force_and_tangent` takes as `law`
 
 
 @kernel
-def nearest(cable, state, place, arc_length):
-    """Arc length (m) of the point of the rope nearest to `place` (dim,) in m, by Newton's method from `arc_length`.
+def find_contacts(cable, towers, state, first, work):
+    """Update arc lengths of `WIDTH` contacts from `first` on to those points of the rope that are nearest to them.
 
-    Where the rope bends so sharply around the place that the distance is no minimum, which no rope at rest does, the
-    slope is kept positive.
+    A rope that is `CLEAR` off does not touch a contact, and the arc length is left where it is while it is less than
+    that from the nearest: with r - p = α n + β t and n at right angles to t, α n·m is r·m - p·m - β t·m > 0, m the side
+    of the rope. Most contacts hardly move in an iteration: of such a move the point is that before it.
+
+    Args:
+        cable: of the rope.
+        towers: parameters.
+        state: takes the arc lengths.
+        first: row of the first contact.
+        work: takes the points of the rope: arc lengths, and the elements, -1 in `contact_element` where it is clear.
     """
-    s = arc_length
-    for _ in range(MAX_MOVES):
-        _, _, s, move = approach(cable, state, place, point_at(cable, state, s), s)
-        if move <= NEAR:
+    last, like = towers.stiffness.size - 1, cable.gravity
+    place, side = gather_rows(towers.position, first, like), gather_rows(towers.normal, first, like)
+    for lane in range(WIDTH):
+        s = state.contact_arc_length[min(first + lane, last)]
+        work.contact_place[first + lane], work.lane_element[lane] = s, element_at(cable, state, s)
+        work.lane_moves[lane] = True
+    for move in range(MAX_MOVES + 1):
+        s = gather_numbers(work.contact_place, first)
+        e, shapes, length = curve_at(state, s, work, like)
+        apart, r_x, there, moved = approach(cable, e, shapes, place, length, s)
+        spread((there, moved, dot(apart, side), dot(apart, r_x), dot(r_x, r_x)), work.lane_numbers, 0)
+        moving = False
+        for lane in range(WIDTH):
+            if work.lane_moves[lane]:
+                after, way, along = work.lane_numbers[0, lane], work.lane_numbers[1, lane], work.lane_numbers[3, lane]
+                clear = (
+                    move == 0
+                    and work.lane_numbers[2, lane] > CLEAR
+                    and along * along < CLEAR * CLEAR * work.lane_numbers[4, lane]
+                )
+                if not clear:
+                    state.contact_arc_length[min(first + lane, last)] = after
+                    if move > 0 or way > STILL:
+                        work.contact_place[first + lane] = after
+                        work.lane_element[lane] = element_at(cable, state, after)
+                if first + lane <= last:
+                    work.contact_element[first + lane] = -1 if clear else work.lane_element[lane]
+                work.lane_moves[lane] = not clear and way > NEAR
+                moving = moving or work.lane_moves[lane]
+        if not moving:
             break
-    return s
 
 
 @inlined_kernel
-def approach(cable, state, place, point, arc_length):
-    """Make one move of Newton's method towards the point of the rope nearest to a place, from a `point` of the rope.
-
-    Returns:
-        r - p (dim,) in m and r_x (dim,) before it; the arc length (m) after it; size of the move, in lengths of the
-        element.
-    """
-    coordinates = state.nodes.position
-    length = state.mesh.length[point.element]
-    r_x, r_xx = slope(coordinates, point, place), bend(coordinates, point, place)
-    apart = subtract(value(coordinates, point, place), place)
-    squared = dot(r_x, r_x)
-    move = -dot(apart, r_x) / max(squared + dot(apart, r_xx), 0.25 * squared)
-    move = min(max(move, -length), length)
-    after = min(max(arc_length + move, 0.0), cable.unstrained_length)
-    return apart, r_x, after, abs(after - arc_length) / length
-
-
-@kernel
-def slid(cable, state, contact):
-    """Sliding displacement (m) of the rope over a tower contact in this step, positive towards the start of the rope.
-
-    It is measured in unstrained rope before the contact, so that rope which runs through the mesh counts as well.
-    """
-    return rope_before(cable, state, state.contact_arc_length[contact]) - state.contact_origin[contact]
+def curve_at(state, s, work, like):
+    """Nodal vectors, `shapes_at` and length (m) of the elements in `lane_element`, at arc lengths `s` (m) on them."""
+    length = gather_numbers_listed(state.mesh.length, work.lane_element, 0)
+    e = gather_listed(state.nodes.position, work.lane_element, 0, like)
+    return e, shapes_at(s - gather_numbers_listed(state.mesh.arc_length, work.lane_element, 0), length), length
 
 
 @inlined_kernel
-def normal_force(towers, contact, depth, depth_rate):
-    """Normal force (N) of a tower contact and its derivatives by depth (N/m) and by its rate (N s/m)."""
-    stiffness, toe, damping = towers.stiffness[contact], towers.toe[contact], towers.damping[contact]
-    return buffer_force(stiffness, toe, damping, depth, depth_rate)
+def velocity_at(cable, state, rates, shapes, work):
+    """Velocity (dim,) of the rope in m/s on the elements in `lane_element`, of which `rates` are the nodal rates."""
+    moving = weighted(rates, shapes[0])
+    if cable.load_nodes:
+        beside = False
+        for lane in range(WIDTH):
+            beside = beside or beside_load(cable, state, work.lane_element[lane])
+        if beside:
+            spread(moving, work.lane_numbers, 4)
+            spread(shapes[0], work.lane_numbers, 0)
+            for lane in range(WIDTH):
+                if beside_load(cable, state, work.lane_element[lane]):
+                    shape = load(work.lane_numbers[:, lane], FOUR)
+                    store(
+                        velocity_beside_load(cable, state, work.lane_element[lane], shape),
+                        work.lane_numbers[:, lane],
+                        4,
+                    )
+            moving = read_vector(work.lane_numbers, 4, cable.gravity)
+    return moving
+
+
+@inlined_kernel
+def velocity_beside_load(cable, state, element, shape):
+    """Velocity (dim,) of the rope in m/s at a point, of given shape functions, of an element beside a moving load."""
+    _, rates, _ = motion_at_rest(cable, state, element, state.nodes.acceleration, state.joints.acceleration)
+    return at_place(rates, shape, shape)[0]
 
 
 @kernel
@@ -147,16 +185,13 @@ def frame_at(cable, towers, state, contact, point):
     Returns:
         r_x (dim,) there; r - p (dim,) in m; the normal n (dim,); the depth (m); the velocity (dim,) of the rope in m/s.
     """
-    like = cable.gravity
-    r_x = slope(state.nodes.position, point, like)
-    apart = subtract(value(state.nodes.position, point, like), load(towers.position[contact], like))
+    like, shapes = cable.gravity, (point.shape, point.shape_x, point.shape_xx)
+    place, side = load(towers.position[contact], like), load(towers.normal[contact], like)
+    e = nodal_vectors(state.nodes.position, point.element, like)
+    r_x, apart, normal = shape_at_contact(e, shapes, place, side)
     moving = value(state.nodes.velocity, point, like)
     if beside_load(cable, state, point.element):
-        _, rates, _ = motion_at_rest(cable, state, point.element, state.nodes.acceleration, state.joints.acceleration)
-        moving = at_place(rates, point.shape, point.shape)[0]
-    side = load(towers.normal[contact], like)
-    across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
-    normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)
+        moving = velocity_beside_load(cable, state, point.element, point.shape)
     return r_x, apart, normal, depth_in_groove(towers, state, contact, -dot(apart, normal), like), moving
 
 
@@ -165,9 +200,9 @@ def contact_force(cable, towers, state, contact):
     """Force (dim,) in N of a tower contact on the rope, at the rope point last found, and its normal part (N)."""
     _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
     n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
-    z, _ = mobilise(slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact])
+    z, _ = mobilised(cable, towers, state, contact)
     friction = towers.friction[contact] * n * z
-    force = add_scaled(friction / sqrt(dot(r_x, r_x)), r_x, scale(n, normal))
+    force = add_scaled(friction / square_root(dot(r_x, r_x)), r_x, scale(n, normal))
     return with_groove(
         force, towers.groove[contact] * n, towers.groove_friction[contact] * n, r_x, normal, apart, moving
     ), n
@@ -175,71 +210,96 @@ def contact_force(cable, towers, state, contact):
 
 @kernel
 def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
-    """Add forces and tangents of all tower contacts to the elements in contact.
+    """Add forces and tangents of all tower contacts to the elements in contact, `WIDTH` contacts at a time."""
+    for first in range(0, towers.stiffness.size, WIDTH):
+        find_contacts(cable, towers, state, first, work)
+        touching = False
+        for lane in range(WIDTH):
+            work.contact_slide[first + lane] = 0.0
+            touching = touching or work.contact_element[first + lane] >= 0
+        if touching:
+            add_contacts(cable, towers, state, first, rate_factor, stiffness_factor, work)
 
-    The normal turns with the rope as n_x = -t (n·t_x), which is exact in a plane. In space the lateral force of a
-    groove grows with N as well; that it turns with the rope is left out.
+
+@kernel
+def add_contacts(cable, towers, state, first, rate_factor, stiffness_factor, work):
+    """Add forces and tangents of `WIDTH` contacts from `first` on, of which the points of the rope are found."""
+    like, pressed = cable.gravity, False
+    e, shapes, _ = curve_at(state, gather_numbers(work.contact_place, first), work, like)
+    rates = gather_listed(state.nodes.velocity, work.lane_element, 0, like)
+    place, side = gather_rows(towers.position, first, like), gather_rows(towers.normal, first, like)
+    r_x, apart, normal = shape_at_contact(e, shapes, place, side)
+    moving = velocity_at(cable, state, rates, shapes, work)
+    put_vectors(shapes[0], work.contact_shape, first)
+    put_vectors(normal, work.contact_normal, first)
+    put_vectors((-dot(apart, normal), -dot(normal, moving)), work.contact_depth, first)
+    for lane in range(WIDTH):
+        contact, law = first + lane, LAW
+        if work.contact_element[contact] >= 0:
+            depth = depth_in_groove(towers, state, contact, work.contact_depth[0, contact], like)
+            work.contact_depth[0, contact] = depth
+            n, by_depth, by_rate = normal_force(towers, contact, depth, work.contact_depth[1, contact])
+            if n != 0.0:
+                law, pressed = (n, by_depth, by_rate, *mobilised(cable, towers, state, contact)), True
+        store(law, work.lane_numbers[:, lane])
+    if not (pressed or towers.at_bends):
+        return
+    limits = (
+        gather_numbers(towers.friction, first),
+        gather_numbers(towers.groove, first),
+        gather_numbers(towers.groove_friction, first),
+    )
+    force, by_place, by_slope, slide = force_and_tangent(
+        read_vector(work.lane_numbers, 0, LAW),
+        limits,
+        (r_x, apart, normal, weighted(e, shapes[2])),
+        (moving, weighted(rates, shapes[1])),
+        rate_factor,
+        stiffness_factor,
+    )
+    if stiffness_factor != 0.0:
+        put_numbers(slide, work.contact_slide, first)
+    write_point_load(force, by_place, by_slope, shapes[0], shapes[1], work.group)
+    turn_lanes(work.group, work.elements, like)
+    if cable.load_nodes:
+        spread(force, work.group, 0)
+        spread(by_place[0], work.group, tangent_row(0, like))
+        spread(by_place[1], work.group, tangent_row(1, like))
+        spread(by_slope[0], work.group, tangent_row(2, like))
+        spread(by_slope[1], work.group, tangent_row(3, like))
+    for lane in range(WIDTH):
+        element = work.contact_element[first + lane]
+        if element >= 0 and beside_load(cable, state, element):
+            add_beside_load(cable, towers, state, first, lane, stiffness_factor, work)
+        elif work.lane_numbers[0, lane] != 0.0:
+            accumulate_element(work.elements[lane], element, stiffness_factor != 0.0, like, work)
+
+
+@formula
+def tangent_row(number, like):
+    """First row of the four matrices (dim²) of tangents of a group of contacts, after their forces (dim,)."""
+    dim = len(like)
+    return dim + number * dim * dim
+
+
+@kernel
+def add_beside_load(cable, towers, state, first, lane, stiffness_factor, work):
+    """Add force and tangent of one contact, in a lane of those from `first` on, to the elements beside a moving load.
+
+    Takes force and tangents of the lanes in `work.group`, in rows as of `tangent_row`.
     """
-    like = cable.gravity
-    for contact in range(towers.stiffness.size):
-        work.contact_slide[contact] = 0.0
-        touching, point = find_contact(cable, towers, state, contact)
-        work.contact_element[contact] = point.element if touching else -1
-        if not touching:
-            continue
-        if cable.load_nodes and towers.at_bends and add_at_bend(cable, towers, state, contact, stiffness_factor, work):
-            continue
-        r_x, apart, normal, depth, moving = frame_at(cable, towers, state, contact, point)
-        rate = -dot(normal, moving)
-        work.contact_depth[contact, 0], work.contact_depth[contact, 1] = depth, rate
-        store(normal, work.contact_normal[contact])
-        for i in range(4):
-            work.contact_shape[contact, i] = point.shape[i]
-        n, n_by_depth, n_by_rate = normal_force(towers, contact, depth, rate)
-        if n == 0.0:
-            continue
-        norm = sqrt(dot(r_x, r_x))
-        t = scale(1.0 / norm, r_x)
-        coefficient = towers.friction[contact]
-        way, before = slid(cable, state, contact), state.contact_deflection[contact]
-        z, z_by_way = mobilise(way, before, towers.presliding[contact])
-        friction = coefficient * n * z
-        force = add_scaled(friction, t, scale(n, normal))
-        groove, rub = towers.groove[contact] * n, towers.groove_friction[contact] * n
-        whole = with_groove(force, groove, rub, r_x, normal, apart, moving)
-        add_point_load(whole, point, state, work)
-        if stiffness_factor == 0.0:
-            continue
-
-        r_xx, turning = bend(state.nodes.position, point, like), slope(state.nodes.velocity, point, like)
-        pivot = norm * norm + dot(apart, r_xx)
-        bent = dot(normal, r_xx)
-        # ΔN = by_depth n·Δr + by_turn n·(Δr_x + r_xx Δs) + by_way Δs
-        by_depth = -(n_by_depth + rate_factor * n_by_rate)
-        by_turn = n_by_rate * dot(moving, t) / norm
-        by_way = by_turn * bent - n_by_rate * dot(normal, turning)
-        pushed = with_groove(  # ∂force/∂N
-            add_scaled(coefficient * z, t, normal),
-            towers.groove[contact],
-            towers.groove_friction[contact],
-            r_x,
-            normal,
-            apart,
-            moving,
-        )
-        turned = scale(1.0 / norm, add_scaled(friction, normal, scale(-n, t)))  # ∂force/∂(n·r_x)
-        slide = coefficient * n * z_by_way
-        work.contact_slide[contact] = slide / norm
-        on_way = add_scaled(by_way, pushed, add_scaled(bent, turned, scale(slide, t)))  # ∂force/∂s
-        # Δs = -(r_x·Δr + (r - p)·Δr_x) / pivot
-        by_r = add_scaled(1.0, outer(by_depth, pushed, normal), outer(-1.0 / pivot, on_way, r_x))
-        by_r_x = outer(1.0, add_scaled(by_turn, pushed, turned), normal)
-        by_r_x = add_scaled(1.0, by_r_x, outer(-1.0 / pivot, on_way, apart))
-        held = groove_tangent(stiffness_factor * groove, rate_factor * rub, r_x, normal, moving)
-        by_place = add_scaled(-stiffness_factor, by_r, held), scale(-stiffness_factor, by_r_x)
-        share = stiffness_factor / pivot
-        by_slope = outer(share, force, r_x), outer(share, force, apart)
-        add_point_tangent(whole, by_place, by_slope, point, stiffness_factor, state, work)
+    contact, like = first + lane, cable.gravity
+    if towers.at_bends and add_at_bend(cable, towers, state, contact, stiffness_factor, work):
+        return
+    if work.lane_numbers[0, lane] == 0.0:
+        return
+    numbers, square = work.group[:, lane], outer(0.0, like, like)
+    force, point = load(numbers, like), point_on(state, work.contact_element[contact], work.contact_place[contact])
+    add_point_load(force, point, state, work)
+    if stiffness_factor != 0.0:
+        by_place = load(numbers, square, tangent_row(0, like)), load(numbers, square, tangent_row(1, like))
+        by_slope = load(numbers, square, tangent_row(2, like)), load(numbers, square, tangent_row(3, like))
+        add_point_tangent(force, by_place, by_slope, point, stiffness_factor, state, work)
 
 
 @kernel
@@ -272,7 +332,7 @@ def add_at_bend(cable, towers, state, contact, stiffness_factor, work):
         r_x, still = add_scaled(share, before, scale(1.0 - share, after)), scale(0.0, apart)
         side = load(towers.normal[contact], like)
         across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
-        normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)
+        normal = scale(1.0 / larger(square_root(dot(across, across)), 1e-12), across)
         depth = depth_in_groove(towers, state, contact, -dot(apart, normal), like)
         n, n_by_depth, _ = normal_force(towers, contact, depth, 0.0)
         state.contact_arc_length[contact] = state.mesh.arc_length[node]
@@ -310,71 +370,130 @@ def contacts_left(cable, towers, state, work, mass_factor, rate_factor, least):
         least: an estimate (m); what is less is not looked at closely.
     """
     like, worst = cable.gravity, least
-    for contact in range(towers.stiffness.size):
-        element = work.contact_element[contact]
-        if element < 0:
+    for first in range(0, towers.stiffness.size, WIDTH):
+        touching = False
+        for lane in range(WIDTH):
+            element = work.contact_element[first + lane]
+            touching = touching or element >= 0
+            work.lane_element[lane] = max(element, 0)
+        if not touching:
             continue
-        weights = work.contact_shape[contact]
-        change = interpolate(work.right_side, element, (weights[0], weights[1], weights[2], weights[3]), like)
-        deeper = -dot(load(work.contact_normal[contact], like), change)
-        inertia = 0.5 * mass_factor * cable.mass_per_length * state.mesh.length[element]
-        depth, rate, growth = (
-            work.contact_depth[contact, 0],
-            work.contact_depth[contact, 1],
-            work.contact_slide[contact],
-        )
-        damping, toe = towers.damping[contact], towers.toe[contact]
-        bent = towers.stiffness[contact] * (0.5 * (1.0 + damping * abs(rate)) / toe + rate_factor * damping)
-        most = bent * deeper * deeper + growth * dot(change, change) / towers.presliding[contact]
-        if most < worst * inertia:
-            continue
-        before, by_depth, by_rate = normal_force(towers, contact, depth, rate)
-        now, _, _ = normal_force(towers, contact, depth + deeper, rate + rate_factor * deeper)
-        stiff = by_depth + rate_factor * by_rate
-        worst = max(worst, abs(now - before - stiff * deeper) / (inertia + stiff))
-        if growth > 0.0 and before > 0.0:
-            point = point_on(state, element, state.contact_arc_length[contact])
-            slid_more = abs(dot(slope(state.nodes.position, point, like), change))
-            share = 0.5 * slid_more / towers.presliding[contact] + abs(now - before) / before
-            worst = max(worst, growth * slid_more * share / (inertia + growth))
+        increments = gather_listed(work.right_side, work.lane_element, 0, like)
+        change = weighted(increments, gather_vectors(work.contact_shape, first, FOUR))
+        deeper = -dot(gather_vectors(work.contact_normal, first, like), change)
+        length = gather_numbers_listed(state.mesh.length, work.lane_element, 0)
+        inertia = 0.5 * mass_factor * cable.mass_per_length * length
+        rates, damping = gather_numbers(work.contact_depth[1], first), gather_numbers(towers.damping, first)
+        hard = 0.5 * (1.0 + damping * magnitude(rates)) / gather_numbers(towers.toe, first) + rate_factor * damping
+        bent = gather_numbers(towers.stiffness, first) * hard * deeper * deeper
+        growth = gather_numbers(work.contact_slide, first) / gather_numbers(towers.presliding, first)
+        spread((deeper, inertia, bent + growth * dot(change, change)), work.lane_numbers, 0)
+        spread(change, work.lane_numbers, 3)
+        for lane in range(WIDTH):
+            contact = first + lane
+            deeper, inertia, most = work.lane_numbers[0, lane], work.lane_numbers[1, lane], work.lane_numbers[2, lane]
+            if work.contact_element[contact] >= 0 and not most < worst * inertia:
+                change = load(work.lane_numbers[:, lane], like, 3)
+                left = contact_left(towers, state, work, contact, change, deeper, inertia, rate_factor)
+                worst = max(worst, left)
     return worst
 
 
 @kernel
-def settle_towers(cable, towers, state):
-    """End a step: store the mobilised friction of each tower contact and the normal load of each tower.
+def contact_left(towers, state, work, contact, change, deeper, inertia, rate_factor):
+    """Estimated error (m) that a Newton iteration leaves at one tower contact, see `contacts_left`.
+
+    Takes the increment (dim,) in m of the rope there, what of it is `deeper` in the contact (m), and the inertia that
+    resists it, in N/m.
+    """
+    depth, rate, growth = work.contact_depth[0, contact], work.contact_depth[1, contact], work.contact_slide[contact]
+    before, by_depth, by_rate = normal_force(towers, contact, depth, rate)
+    now, _, _ = normal_force(towers, contact, depth + deeper, rate + rate_factor * deeper)
+    stiff = by_depth + rate_factor * by_rate
+    left = abs(now - before - stiff * deeper) / (inertia + stiff)
+    if growth > 0.0 and before > 0.0:
+        point = point_on(state, work.contact_element[contact], state.contact_arc_length[contact])
+        slid_more = abs(dot(slope(state.nodes.position, point, change), change))
+        share = 0.5 * slid_more / towers.presliding[contact] + abs(now - before) / before
+        left = max(left, growth * slid_more * share / (inertia + growth))
+    return left
+
+
+@kernel
+def settle_towers(cable, towers, state, work):
+    """End a step: store the mobilised friction of each tower contact and the loads of each tower.
 
     Contact points are those of the last iteration: their move since then changes the depth in second order only, and
     the friction of the step is that of the sliding in that iteration.
     """
+    like, count = cable.gravity, towers.stiffness.size
     for tower in range(towers.top.shape[0]):
-        total = 0.0
-        for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
-            _, _, _, normal, depth, moving = contact_frame(cable, towers, state, contact)
-            total += normal_force(towers, contact, depth, -dot(normal, moving))[0]
-            state.contact_deflection[contact], _ = mobilise(
-                slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact]
-            )
+        state.tower_load[tower, 0] = 0.0
+        begin_lateral(state, tower, like)
+    for first in range(0, count, WIDTH):
+        s = gather_numbers(state.contact_arc_length, first)
+        for lane in range(WIDTH):
+            place = state.contact_arc_length[min(first + lane, count - 1)]
+            work.lane_element[lane] = element_at(cable, state, place)
+        e, shapes, _ = curve_at(state, s, work, like)
+        place, side = gather_rows(towers.position, first, like), gather_rows(towers.normal, first, like)
+        r_x, apart, normal = shape_at_contact(e, shapes, place, side)
+        rates = gather_listed(state.nodes.velocity, work.lane_element, 0, like)
+        moving = velocity_at(cable, state, rates, shapes, work)
+        spread((-dot(apart, normal), -dot(normal, moving)), work.lane_numbers, 0)
+        note_lateral(r_x, normal, apart, moving, work.lane_numbers)
+        for lane in range(min(WIDTH, count - first)):
+            contact, tower = first + lane, towers.contact_tower[first + lane]
+            depth = depth_in_groove(towers, state, contact, work.lane_numbers[0, lane], like)
+            n, _, _ = normal_force(towers, contact, depth, work.lane_numbers[1, lane])
+            state.tower_load[tower, 0] += n
+            add_lateral(towers, state, contact, n, work.lane_numbers[:, lane], like)
+            state.contact_deflection[contact], _ = mobilised(cable, towers, state, contact)
             state.contact_origin[contact] = rope_before(cable, state, state.contact_arc_length[contact])
-        state.tower_load[tower, 0] = total
-        state.tower_load[tower, 1] = min(state.tower_load[tower, 1], total)
-        settle_groove(cable, towers, state, tower, cable.gravity)
+    for tower in range(towers.top.shape[0]):
+        state.tower_load[tower, 1] = min(state.tower_load[tower, 1], state.tower_load[tower, 0])
+        end_lateral(state, tower, like)
 
 
 @kernel
-def settle_groove(cable: Any, towers: Any, state: Any, tower: int, like: Vector) -> None:
-    """Store the lateral groove force of a tower, and its highest ratio to the normal force; no-op in a plane."""
+def begin_lateral(state: Any, tower: int, like: Vector) -> None:
+    """Set the lateral force of a tower to zero, before `add_lateral`; no-op in a plane."""
+    if len(like) == 3:
+        state.tower_lateral[tower, 0] = 0.0
+
+
+@inlined_kernel
+def note_lateral(r_x: Any, normal: Any, apart: Any, moving: Any, numbers: Any) -> None:
+    """Write offset and speed across the groove, and the lateral vector (3,), of `WIDTH` contacts; no-op in a plane.
+
+    Takes what `shape_at_contact` returns, and the velocity of the rope. They go to `numbers` (n, WIDTH), from row 2 on.
+    """
+    if len(r_x) == 2:
+        return
+    across = sideways(r_x, normal)
+    spread((dot(apart, across), dot(moving, across)), numbers, 2)
+    spread(across, numbers, 4)
+
+
+@inlined_kernel
+def add_lateral(towers: Any, state: Any, contact: int, force: float, numbers: Any, like: Vector) -> None:
+    """Add the force (N) of a groove on the rope, to the left of the track, to that of its tower; no-op in a plane.
+
+    Takes the normal `force` (N), and the `numbers` of the contact as of `note_lateral`.
+    """
     if len(like) == 2:
         return
-    lateral, left = 0.0, load(towers.left[tower], like)
-    for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
-        _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
-        n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
-        across = to_that_side(sideways(r_x, normal), left)
-        stiffness, rub = towers.groove[contact] * n, towers.groove_friction[contact] * n
-        lateral += side_force(stiffness, rub, dot(apart, across), dot(moving, across))
-    state.tower_lateral[tower, 0] = lateral
-    state.tower_lateral[tower, 1] = max(state.tower_lateral[tower, 1], lateral_ratio(state, tower))
+    tower = towers.contact_tower[contact]
+    sign = -1.0 if dot(load(numbers, like, 4), load(towers.left[tower], like)) < 0.0 else 1.0
+    stiffness, rub = towers.groove[contact] * force, towers.groove_friction[contact] * force
+    state.tower_lateral[tower, 0] += side_force(stiffness, rub, sign * numbers[2], sign * numbers[3])
+
+
+@kernel
+def end_lateral(state: Any, tower: int, like: Vector) -> None:
+    """Store the highest ratio of lateral to normal force of a tower; no-op in a plane."""
+    if len(like) == 3:
+        state.tower_lateral[tower, 1] = max(state.tower_lateral[tower, 1], lateral_ratio(state, tower))
 
 
 @inlined_kernel
@@ -419,66 +538,9 @@ def lift(cable, towers, state, tower):
     return -deepest
 
 
-CREEP = 0.01  # v_0, m/s, at which friction sideways is 0.7 of what it comes to
-
-
 @kernel
 def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: Vector) -> float:
     """Depth (m) of the rope in a tower contact; -inf once the rope has derailed from the tower."""
     if len(like) == 2 or state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE:
         return depth
     return -inf
-
-
-@kernel
-def with_groove(
-    force: Vector, stiffness: float, friction: float, r_x: Vector, normal: Vector, apart: Vector, moving: Vector
-) -> Vector:
-    """Force (dim,) in N of a tower contact, in space with the lateral force of its groove added.
-
-    Args:
-        force: of the contact without it, N.
-        stiffness: g N, N/m.
-        friction: μ N, N.
-        r_x: along the rope (dim,).
-        normal: of the contact (dim,).
-        apart: r - p (dim,) in m.
-        moving: velocity of the rope (dim,) in m/s.
-    """
-    if len(force) == 2:
-        return force
-    across = sideways(r_x, normal)
-    return add_scaled(side_force(stiffness, friction, dot(apart, across), dot(moving, across)), across, force)
-
-
-@formula
-def side_force(stiffness, friction, aside, speed):
-    """Lateral force (N) of a groove on a rope offset by `aside` (m) and moving sideways at `speed` (m/s)."""
-    return -stiffness * aside - friction * speed / square_root(speed * speed + CREEP * CREEP)
-
-
-@formula
-def sideways(r_x, normal):
-    """Lateral unit vector (3,) of a tower contact, across the rope and the normal."""
-    across = cross(r_x, normal)
-    return scale(1.0 / square_root(dot(across, across)), across)
-
-
-@inlined_kernel
-def to_that_side(across, side):
-    """Vector `across` (3,), reversed if pointing away from `side` (3,)."""
-    return scale(-1.0 if dot(across, side) < 0.0 else 1.0, across)
-
-
-@inlined_kernel
-def groove_tangent(stiffness: float, damping: float, r_x: Vector, normal: Vector, moving: Vector) -> Matrix:
-    """Tangent (dim²) of the lateral force of a groove by the position of the rope; zeros in a plane.
-
-    `damping` (N s/m times the integrator's 1/s) is μ N ∂velocity/∂coordinate; rest as in `with_groove`.
-    """
-    if len(r_x) == 2:
-        return outer(0.0, r_x, r_x)
-    across = sideways(r_x, normal)
-    speed = dot(moving, across)
-    squared = speed * speed + CREEP * CREEP
-    return outer(stiffness + damping * CREEP * CREEP / (squared * sqrt(squared)), across, across)

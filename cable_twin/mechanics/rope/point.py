@@ -9,9 +9,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.simd import spread
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, load, scale
-from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
+from cable_twin.mechanics.rope.shape_functions import (
+    block_row,
+    shape_functions,
+    shape_functions_x,
+    shape_functions_xx,
+    vector_row,
+)
 
 Four = tuple[float, float, float, float]
 
@@ -56,21 +63,19 @@ def point_at(cable, state, arc_length):
 
 
 @formula
-def interpolate(coordinates, element, weights, like):
+def weighted(vectors, weights):
     """Weighted sum (dim,) of the four nodal vectors of an element, with shape functions as `weights`."""
     return add_scaled(
         weights[0],
-        load(coordinates[element, 0], like),
-        add_scaled(
-            weights[1],
-            load(coordinates[element, AFTER], like),
-            add_scaled(
-                weights[2],
-                load(coordinates[element + 1, 0], like),
-                scale(weights[3], load(coordinates[element + 1, BEFORE], like)),
-            ),
-        ),
+        vectors[0],
+        add_scaled(weights[1], vectors[1], add_scaled(weights[2], vectors[2], scale(weights[3], vectors[3]))),
     )
+
+
+@formula
+def interpolate(coordinates, element, weights, like):
+    """Weighted sum (dim,) of the four nodal vectors of an element in `coordinates` (nodes, 3, dim), see `weighted`."""
+    return weighted([coordinate(coordinates, element, i, like) for i in range(4)], weights)
 
 
 @inlined_kernel
@@ -177,6 +182,15 @@ def add_tangent_to_patch(by_place, by_slope, shape, shape_x, patch, right):
     rows = [patch_row(right, i, dim) for i in range(4)]
     for i, j, matrix in tangent_blocks(by_place, by_slope, shape, shape_x):
         add_matrix(matrix, patch, rows[i], rows[j])
+
+
+@formula
+def write_point_load(force, by_place, by_slope, shape, shape_x, group):
+    """Write nodal forces and tangents of point loads on `WIDTH` elements to a `group`, in the order of its rows."""
+    for i in range(4):
+        spread(shape[i] * force, group, vector_row(i, force))
+    for i, j, matrix in tangent_blocks(by_place, by_slope, shape, shape_x):
+        spread(matrix, group, block_row(i, j, force))
 
 
 def tangent_blocks(by_place, by_slope, shape, shape_x):

@@ -61,14 +61,14 @@ def hang_carriages(system, state):
 
 
 @kernel
-def store_equilibrium(system, state):
+def store_equilibrium(system, state, work):
     """Store a rope's equilibrium: holding force of each joint, origins of friction, extremes of tower loads."""
     for carriage in range(state.axis.size):
         if belongs(system, state, carriage):
             state.drives.force[carriage] = driven_force(system, state, carriage)
     for contact in range(state.contact_origin.size):
         state.contact_origin[contact] = rope_before(system.cable, state, state.contact_arc_length[contact])
-    settle_towers(system.cable, system.towers, state)
+    settle_towers(system.cable, system.towers, state, work)
     begin_extremes(system.cable, system.towers, state)
 
 
@@ -175,8 +175,8 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
             closed = worst_clamp_gap(bundle, moving, system, state, like) < CLOSED
         if increment < tolerance and mass_factor <= smallest and changed == 0 and closed:
             if ropes == 1:
-                own, here, _ = rope_of(bundle, 0, system, state, work)
-                store_equilibrium(own, here)
+                own, here, room = rope_of(bundle, 0, system, state, work)
+                store_equilibrium(own, here, room)
             course[FACTOR] = 0.0
             return iteration + 1, increment
         if increment < longest:

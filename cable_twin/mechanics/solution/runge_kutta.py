@@ -235,7 +235,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
             healthy = taken >= 0.0
             if healthy:
                 left -= taken
-                settle(own, here)
+                settle(own, here, room)
                 if carriage >= 0:
                     change_element(own.cable, here, carriage)
                     nodes += 1

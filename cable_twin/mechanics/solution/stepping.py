@@ -51,7 +51,7 @@ def begin_step(system, state, h):
 def end_step(system, state, work):
     """End a step: store friction and contacts, detach and attach carriers; return the largest constraint gap (m)."""
     gap = largest_gap(system, state, work, True)
-    settle(system, state)
+    settle(system, state, work)
     take_up(system, state)
     if system.moving_cable.moving:
         detach_carriers(system, state)
@@ -60,14 +60,14 @@ def end_step(system, state, work):
 
 
 @kernel
-def settle(system, state):
+def settle(system, state, work):
     """Store a rope's mobilised friction, buffer contacts and tower loads as the start of the next step."""
     for carriage in range(system.carriages.fixed.size):
         if belongs(system, state, carriage):
             settle_friction(system.carriages, state, carriage)
     if system.buffers.present:
         settle_buffers(system, state)
-    settle_towers(system.cable, system.towers, state)
+    settle_towers(system.cable, system.towers, state, work)
     derail(system.cable, system.towers, state, system.cable.gravity)
 
 

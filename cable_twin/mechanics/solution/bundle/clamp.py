@@ -35,7 +35,7 @@ from cable_twin.mechanics.language.vectors import (
 )
 from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent, joint_velocity
-from cable_twin.mechanics.on_rope.tower import nearest
+from cable_twin.mechanics.on_rope.tower_contact import nearest
 from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
 from cable_twin.mechanics.rope.patch import at_node
 from cable_twin.mechanics.rope.point import add_column, add_force, clamp_row, point_at, read_matrix, slope, value
