@@ -214,13 +214,17 @@ class Workspace(NamedTuple):
         FloatArray, Of("contact lane", unit="N/m")
     ]  # growth of its friction with sliding, over |r_x|
     contact_element: Annotated[IntArray, Of("contact lane", first=-1)]  # where the rope touches, or is near; else -1
+    contact_near: Annotated[IntArray, Of("contact lane")]  # element of the point of the rope that is nearest
     contact_place: Annotated[FloatArray, Of("contact lane", unit="m")]  # arc length at which the rope is taken there
     contact_shape: Annotated[FloatArray, Of(4, "contact lane")]  # shape functions there
-    contact_depth: Annotated[FloatArray, Of(2, "contact lane", unit="m, m/s")]  # and its rate
+    contact_shape_x: Annotated[FloatArray, Of(4, "contact lane")]  # their derivatives
+    contact_depth: Annotated[FloatArray, Of(3, "contact lane", unit="m, m/s, N")]  # its rate, and the normal force
     contact_normal: Annotated[FloatArray, Of("dim", "contact lane")]  # of the rope
-    lane_element: Annotated[IntArray, Of(WIDTH)]  # of the contacts of a group
-    lane_moves: Annotated[BoolArray, Of(WIDTH)]  # whether their nearest points are still looked for
-    lane_numbers: Annotated[FloatArray, Of(8, WIDTH)]  # of the contacts of a group, one row a number
+    contact_friction: Annotated[
+        FloatArray, Of(3, "contact lane", unit="m, -, -")
+    ]  # way, and its share that was mobilised before it and is after it
+    lane_moves: Annotated[BoolArray, Of(WIDTH)]  # whether nearest points of a group of contacts are still looked for
+    lane_numbers: Annotated[FloatArray, Of(8, WIDTH)]  # of a group of contacts, one row a number
     joint_gap: Annotated[
         FloatArray, Of("body", "dim", unit="m")
     ]  #  (or m/s² at acceleration level): what each joint has to close

@@ -5,7 +5,7 @@ import pytest
 from systems import disturbed_state, make_limits, make_system, nodal_vectors, put, with_moving_cable
 
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint, tangent_moment
-from cable_twin.mechanics.on_rope.tower import contact_force, find_contacts
+from cable_twin.mechanics.on_rope.tower import add_towers, contact_force
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
 from cable_twin.mechanics.readout.sections import end_force
@@ -85,7 +85,7 @@ def in_motion(elements, dim=2, **options):
         state.contact_arc_length[contact] = place
         system.towers.position[contact] = np.array(position_on_cable(system.cable, state, place))
         system.towers.position[contact, -1] += 0.03  # pressed in
-    find_contacts(system.cable, system.towers, state, 0, work)
+    add_towers(system.cable, system.towers, state, 0.0, 0.0, work)
     for contact in range(len(loads["towers"])):
         assert contact_force(system.cable, system.towers, state, contact)[1] > 1.0
     state.contact_origin[:] = state.contact_arc_length - 0.004

@@ -11,7 +11,6 @@ from cable_twin.mechanics.on_rope.tower import (
     contact_force,
     contact_frame,
     derail,
-    find_contacts,
     normal_force,
     settle_towers,
 )
@@ -69,7 +68,7 @@ def forces_on_nodes(system, state, work, rate_factor=0.0, stiffness_factor=0.0):
 def test_the_contact_is_the_nearest_point_of_the_rope(start):
     system, state, work = touching()
     state.contact_arc_length[:] = np.array(PLACES) + start
-    find_contacts(system.cable, system.towers, state, 0, work)
+    add_towers(system.cable, system.towers, state, 0.0, 0.0, work)
     for contact, s in enumerate(PLACES):
         assert state.contact_arc_length[contact] == pytest.approx(s, abs=NEAR**2)  # of elements of less than a metre
 
@@ -79,7 +78,7 @@ def test_a_contact_that_is_clear_of_the_rope_is_looked_at_again_when_the_rope_co
     for depth, start, looked in ((-0.02, 0.005, False), (-0.005, 0.005, True), (-0.02, 0.1, True)):
         system, state, work = touching(depth)
         state.contact_arc_length[:] = np.array(PLACES) + start
-        find_contacts(system.cable, system.towers, state, 0, work)
+        add_towers(system.cable, system.towers, state, 0.0, 0.0, work)
         for contact, s in enumerate(PLACES):
             assert (work.contact_element[contact] >= 0) == looked
             where = s if looked else s + start
@@ -90,7 +89,7 @@ def test_a_contact_that_is_clear_of_the_rope_is_looked_at_again_when_the_rope_co
 def test_beyond_an_end_the_contact_stays_at_the_end():
     system, state, work = touching(places=(0.3,))
     system.towers.position[0] = [-5.0, 0.0]
-    find_contacts(system.cable, system.towers, state, 0, work)
+    add_towers(system.cable, system.towers, state, 0.0, 0.0, work)
     assert state.contact_arc_length[0] == 0.0
 
 
@@ -133,7 +132,7 @@ def test_without_friction_and_damping_the_force_has_a_potential(depth):
         moved = clone(state)
         moved.nodes.position[:] += from_nodal_vectors(change, 2)
         total = 0.0
-        find_contacts(system.cable, system.towers, moved, 0, work)
+        add_towers(system.cable, system.towers, moved, 0.0, 0.0, work)
         for contact in range(3):
             total += contact_energy(system.cable, system.towers, moved, contact)
         return np.array([total])
@@ -185,7 +184,7 @@ def test_stiffness_sets_in_smoothly():
 def test_a_step_ends_with_its_friction_and_the_loads_of_the_towers():
     system, state, work = touching()
     state.tower_load[:, 1] = [1e9, 1.0, 1e9]
-    find_contacts(system.cable, system.towers, state, 0, work)
+    add_towers(system.cable, system.towers, state, 0.0, 0.0, work)
     loads = [contact_force(system.cable, system.towers, state, contact)[1] for contact in range(3)]
     settle_towers(system.cable, system.towers, state, work)
     np.testing.assert_allclose(state.tower_load[:, 0], loads)
@@ -211,7 +210,7 @@ def lying(aside=0.0, depth=0.03, ratio=0.5, hold_down=False):
 
 def end_step(system, state, work):
     """Derailment at the end of a step: kind and time (steps)."""
-    find_contacts(system.cable, system.towers, state, 0, work)
+    add_towers(system.cable, system.towers, state, 0.0, 0.0, work)
     settle_towers(system.cable, system.towers, state, work)
     derail(system.cable, system.towers, state, system.cable.gravity)
     return tuple(state.derailment[0].tolist())

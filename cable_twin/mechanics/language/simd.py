@@ -85,8 +85,9 @@ def gather_vectors(rows: Any, first: Any, like: Vec) -> Vec:
 @formula
 def gather_rows(rows: Any, first: Any, like: Vec) -> Vec:
     """Vector (dim,) of SIMD lanes: `WIDTH` adjacent rows of `rows` (n, dim), from row `first` on."""
-    last = size_of(rows, 0) - 1
-    return Vec(as_lanes([rows[least(first + lane, last), axis] for lane in range(WIDTH)]) for axis in range(len(like)))
+    last, dim, numbers = size_of(rows, 0) - 1, len(like), row_of(rows)
+    starts = [dim * least(first + lane, last) for lane in range(WIDTH)]
+    return Vec(as_lanes([numbers[start + axis] for start in starts]) for axis in range(dim))
 
 
 @formula
@@ -94,6 +95,12 @@ def put_vectors(values: Vec, rows: Any, first: Any) -> None:
     """Write a vector (dim,) of SIMD lanes to `WIDTH` adjacent columns of `rows` (dim, n) from `first` on."""
     for k, value in enumerate(values):
         write_lanes(value, rows, (k, first))
+
+
+@formula
+def read_numbers(numbers: Any, first: Any) -> Any:
+    """SIMD lanes of `WIDTH` entries of `numbers` (n,) from `first` on, all existing."""
+    return read_lanes(numbers, (first,), WIDTH)
 
 
 @formula
@@ -142,7 +149,19 @@ def add_diagonal(value: Any, rows: Any, first: Any, dim: int) -> None:
 def turn_lanes(rows: Any, numbers: Any, like: Vec) -> None:
     """Transpose the lanes of a group of elements, `rows` (n, WIDTH), into `numbers` (WIDTH, n), one row per element."""
     dim = len(like)
-    for first in range(0, 4 * dim + 16 * dim * dim, WIDTH):
+    _turn(rows, numbers, 4 * dim + 16 * dim * dim)
+
+
+@formula
+def turn_point_loads(rows: Any, numbers: Any, like: Vec) -> None:
+    """Transpose likewise a group of point loads, see `point.write_point_load`."""
+    dim = len(like)
+    _turn(rows, numbers, dim + 4 * dim * dim)
+
+
+def _turn(rows: Any, numbers: Any, count: int) -> None:
+    """Transpose at least the first `count` rows of a group, in whole squares of `WIDTH`; for traced formulas."""
+    for first in range(0, count, WIDTH):
         lanes = transposed([read_lanes(rows, (first + k, 0), WIDTH) for k in range(WIDTH)])
         for number, own in enumerate(lanes):
             write_lanes(own, numbers, (number, first))

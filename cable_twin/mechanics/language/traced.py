@@ -451,27 +451,38 @@ def magnitude(value: Any) -> Any:
 
 
 @formula
+def exponential(value: Any) -> Any:
+    """Exponential of a number, or of each SIMD lane."""
+    if not isinstance(value, _Number):
+        return np.exp(value)
+    return value if value.place is None else _call("llvm.exp", value.kind, [value.value], value.place)
+
+
+@formula
+def if_less(one: Any, other: Any, then: Any, otherwise: Any) -> Any:
+    """`then` where the float `one` is less than `other`, else `otherwise`; of SIMD lanes, lane by lane."""
+    parts = one, other, then, otherwise
+    traced = [part for part in parts if isinstance(part, _Number)]
+    if not traced:
+        return np.where(one < other, then, otherwise)[()]
+    numbers = [_as_number(part, traced[0].place) for part in parts]
+    kind = max((number.kind for number in numbers), key=_RANKS.index)
+    if traced[0].place is None:
+        return _Number(kind, None, None)
+    builder, values = traced[0].place[1], [number.cast(kind) for number in numbers]
+    return _Number(kind, builder.select(builder.fcmp_ordered("<", *values[:2]), *values[2:]), traced[0].place)
+
+
+@formula
 def larger(one: Any, other: Any) -> Any:
     """Larger of two floats, or of each SIMD lane of them; the second one where one of them is no number."""
-    return _chosen(">", one, other)
+    return if_less(other, one, one, other)
 
 
 @formula
 def smaller(one: Any, other: Any) -> Any:
     """Smaller of two floats, or of each SIMD lane of them; the second one where one of them is no number."""
-    return _chosen("<", one, other)
-
-
-def _chosen(condition: str, one: Any, other: Any) -> Any:
-    """Return the first of two traced numbers where the condition between them holds, else the second one."""
-    if not isinstance(one, _Number):
-        return np.where(one > other if condition == ">" else one < other, one, other)[()]
-    other = _as_number(other, one.place)
-    kind = max(one.kind, other.kind, key=_RANKS.index)
-    if one.place is None:
-        return _Number(kind, None, None)
-    builder, a, b = one.place[1], one.cast(kind), other.cast(kind)
-    return _Number(kind, builder.select(builder.fcmp_ordered(condition, a, b), a, b), one.place)
+    return if_less(one, other, one, other)
 
 
 def least(one: Any, other: Any) -> Any:

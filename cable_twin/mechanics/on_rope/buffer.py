@@ -19,6 +19,7 @@ from math import inf, sqrt
 from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.traced import if_less
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     dot,
@@ -44,16 +45,16 @@ CLOSEST = 1e-3  # m between the joints of two vehicles: if they are nearer, they
 def buffer_force(stiffness, toe, damping, depth, depth_rate):
     """One-sided contact force (N), its derivatives by depth (N/m), rate (N s/m); softer up to a depth `toe` (m).
 
-    `stiffness` is in N/m, `damping` in s/m.
+    `stiffness` is in N/m, `damping` in s/m. All are numbers, or SIMD lanes.
     """
     hysteresis = 1.0 + damping * depth_rate
-    if not (depth > 0.0 and hysteresis > 0.0):
-        return 0.0, 0.0, 0.0
-    if depth < toe:
-        elastic, stiff = 0.5 * stiffness * depth * depth / toe, stiffness * depth / toe
-    else:
-        elastic, stiff = stiffness * (depth - 0.5 * toe), stiffness
-    return elastic * hysteresis, stiff * hysteresis, elastic * damping
+    elastic = if_less(depth, toe, 0.5 * stiffness * depth * depth / toe, stiffness * (depth - 0.5 * toe))
+    stiff = if_less(depth, toe, stiffness * depth / toe, stiffness)
+    return (
+        if_less(0.0, depth, if_less(0.0, hysteresis, elastic * hysteresis, 0.0), 0.0),
+        if_less(0.0, depth, if_less(0.0, hysteresis, stiff * hysteresis, 0.0), 0.0),
+        if_less(0.0, depth, if_less(0.0, hysteresis, elastic * damping, 0.0), 0.0),
+    )
 
 
 @kernel

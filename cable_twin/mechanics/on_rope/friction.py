@@ -6,10 +6,8 @@ Another friction law of joints needs no more than the normal force that `frictio
 
 from __future__ import annotations
 
-from math import exp
-
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.traced import formula, square_root
+from cable_twin.mechanics.language.traced import exponential, formula, if_less, magnitude, square_root
 from cable_twin.mechanics.language.vectors import add_scaled, dot
 from cable_twin.mechanics.on_rope.brakes import brake_force
 from cable_twin.mechanics.parameters import TRACK_ROPE
@@ -21,10 +19,10 @@ def mobilise(way, before, presliding):
 
     Dahl's law dz/ds = (1 - z sign(ṡ)) / p, in closed form over the way since the start of the step. It is smooth
     through zero speed and holds still on a slope, since z changes with the way and not with time; a joint that goes
-    on vibrating there creeps (docs/theory.md).
+    on vibrating there creeps (docs/theory.md). All are numbers, or SIMD lanes.
     """
-    sign = 1.0 if way >= 0.0 else -1.0
-    left = (before - sign) * exp(-abs(way) / presliding)
+    sign = if_less(way, 0.0, -1.0, 1.0)
+    left = (before - sign) * exponential(-magnitude(way) / presliding)
     return sign + left, -sign * left / presliding
 
 

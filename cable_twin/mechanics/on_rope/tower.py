@@ -32,13 +32,15 @@ from cable_twin.mechanics.language.simd import (
     gather_vectors,
     put_numbers,
     put_vectors,
+    read_numbers,
     read_vector,
     spread,
-    turn_lanes,
+    turn_point_loads,
 )
-from cable_twin.mechanics.language.traced import formula, larger, magnitude, square_root
+from cable_twin.mechanics.language.traced import larger, magnitude, square_root
 from cable_twin.mechanics.language.vectors import Vector, add_scaled, dot, load, outer, scale, store, subtract
-from cable_twin.mechanics.on_rope.buffer import buffer_energy
+from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
+from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.on_rope.tower_contact import (
     MAX_MOVES,
     NEAR,
@@ -51,20 +53,23 @@ from cable_twin.mechanics.on_rope.tower_contact import (
     shapes_at,
     side_force,
     sideways,
+    slid,
     with_groove,
 )
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.ale import nodal_vectors, rope_before
-from cable_twin.mechanics.rope.element import accumulate_element
 from cable_twin.mechanics.rope.following_nodes import at_place
 from cable_twin.mechanics.rope.patch import beside_load, follows, motion_at_rest
 from cable_twin.mechanics.rope.point import (
     AFTER,
     BEFORE,
     R,
-    element_at,
+    accumulate_vector,
+    add_point_tangents,
+    element_beside,
     point_at,
     point_on,
+    read_point_load,
     slope,
     value,
     weighted,
@@ -75,11 +80,10 @@ from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tange
 CLEAR = 0.01  # m, by which the rope is off a contact that is not looked at closely
 STILL = 1e-6  # of an element's length: after a shorter move the rope is taken as it is before it
 FOUR = (0.0, 0.0, 0.0, 0.0)  # numbers of a contact, as shape functions
-LAW = (0.0, 0.0, 0.0, 0.0, 0.0)  # likewise: what `force_and_tangent` takes as `law`
 
 
-@kernel
-def find_contacts(cable, towers, state, first, work):
+@inlined_kernel
+def find_contacts(cable, towers, state, first, place, side, work):
     """Update arc lengths of `WIDTH` contacts from `first` on to those points of the rope that are nearest to them.
 
     A rope that is `CLEAR` off does not touch a contact, and the arc length is left where it is while it is less than
@@ -91,69 +95,69 @@ def find_contacts(cable, towers, state, first, work):
         towers: parameters.
         state: takes the arc lengths.
         first: row of the first contact.
-        work: takes the points of the rope: arc lengths, and the elements, -1 in `contact_element` where it is clear.
+        place: (dim,) m.
+        side: on which the rope is, (dim,) unit vectors.
+        work: takes the elements, and -1 in `contact_element` for a contact that the rope is clear of.
+
+    Returns:
+        Nodal vectors and `shapes_at` the points of the rope.
     """
-    last, like = towers.stiffness.size - 1, cable.gravity
-    place, side = gather_rows(towers.position, first, like), gather_rows(towers.normal, first, like)
+    last, like, numbers = towers.stiffness.size - 1, cable.gravity, work.lane_numbers
     for lane in range(WIDTH):
         s = state.contact_arc_length[min(first + lane, last)]
-        work.contact_place[first + lane], work.lane_element[lane] = s, element_at(cable, state, s)
-        work.lane_moves[lane] = True
+        near = element_beside(cable, state, s, work.contact_near[first + lane])
+        work.contact_place[first + lane], work.contact_near[first + lane], work.lane_moves[lane] = s, near, True
+    e, shapes, length = curve_at(state, first, work, like)
     for move in range(MAX_MOVES + 1):
         s = gather_numbers(work.contact_place, first)
-        e, shapes, length = curve_at(state, s, work, like)
-        apart, r_x, there, moved = approach(cable, e, shapes, place, length, s)
-        spread((there, moved, dot(apart, side), dot(apart, r_x), dot(r_x, r_x)), work.lane_numbers, 0)
-        moving = False
+        apart, r_x, there, way = approach(cable, e, shapes, place, length, s)
+        spread((there, way, dot(apart, side), dot(apart, r_x), dot(r_x, r_x)), numbers, 0)
+        moving, moved = False, False
         for lane in range(WIDTH):
             if work.lane_moves[lane]:
-                after, way, along = work.lane_numbers[0, lane], work.lane_numbers[1, lane], work.lane_numbers[3, lane]
-                clear = (
-                    move == 0
-                    and work.lane_numbers[2, lane] > CLEAR
-                    and along * along < CLEAR * CLEAR * work.lane_numbers[4, lane]
-                )
+                contact, s, along = first + lane, numbers[0, lane], numbers[3, lane]
+                clear = move == 0 and numbers[2, lane] > CLEAR and along * along < CLEAR * CLEAR * numbers[4, lane]
                 if not clear:
-                    state.contact_arc_length[min(first + lane, last)] = after
-                    if move > 0 or way > STILL:
-                        work.contact_place[first + lane] = after
-                        work.lane_element[lane] = element_at(cable, state, after)
-                if first + lane <= last:
-                    work.contact_element[first + lane] = -1 if clear else work.lane_element[lane]
-                work.lane_moves[lane] = not clear and way > NEAR
+                    state.contact_arc_length[min(contact, last)] = s
+                    if move > 0 or numbers[1, lane] > STILL:
+                        work.contact_place[contact], moved = s, True
+                        work.contact_near[contact] = element_beside(cable, state, s, work.contact_near[contact])
+                work.contact_element[contact] = -1 if clear or contact > last else work.contact_near[contact]
+                work.lane_moves[lane] = not clear and numbers[1, lane] > NEAR
                 moving = moving or work.lane_moves[lane]
+        if moved:
+            e, shapes, length = curve_at(state, first, work, like)
         if not moving:
             break
+    return e, shapes
 
 
 @inlined_kernel
-def curve_at(state, s, work, like):
-    """Nodal vectors, `shapes_at` and length (m) of the elements in `lane_element`, at arc lengths `s` (m) on them."""
-    length = gather_numbers_listed(state.mesh.length, work.lane_element, 0)
-    e = gather_listed(state.nodes.position, work.lane_element, 0, like)
-    return e, shapes_at(s - gather_numbers_listed(state.mesh.arc_length, work.lane_element, 0), length), length
+def curve_at(state, first, work, like):
+    """Nodal vectors, `shapes_at` and length (m) of the elements at the places of `WIDTH` contacts from `first` on."""
+    elements = work.contact_near
+    length = gather_numbers_listed(state.mesh.length, elements, first)
+    x = gather_numbers(work.contact_place, first) - gather_numbers_listed(state.mesh.arc_length, elements, first)
+    return gather_listed(state.nodes.position, elements, first, like), shapes_at(x, length), length
 
 
 @inlined_kernel
-def velocity_at(cable, state, rates, shapes, work):
-    """Velocity (dim,) of the rope in m/s on the elements in `lane_element`, of which `rates` are the nodal rates."""
-    moving = weighted(rates, shapes[0])
+def velocity_at(cable, state, rates, shapes, first, work):
+    """Velocity (dim,) of the rope in m/s at `WIDTH` contacts from `first` on, from nodal rates of its elements."""
+    moving, elements, numbers = weighted(rates, shapes[0]), work.contact_near, work.lane_numbers
     if cable.load_nodes:
         beside = False
         for lane in range(WIDTH):
-            beside = beside or beside_load(cable, state, work.lane_element[lane])
+            beside = beside or beside_load(cable, state, elements[first + lane])
         if beside:
-            spread(moving, work.lane_numbers, 4)
-            spread(shapes[0], work.lane_numbers, 0)
+            spread(shapes[0], numbers, 0)
+            spread(moving, numbers, 4)
             for lane in range(WIDTH):
-                if beside_load(cable, state, work.lane_element[lane]):
-                    shape = load(work.lane_numbers[:, lane], FOUR)
-                    store(
-                        velocity_beside_load(cable, state, work.lane_element[lane], shape),
-                        work.lane_numbers[:, lane],
-                        4,
-                    )
-            moving = read_vector(work.lane_numbers, 4, cable.gravity)
+                element = elements[first + lane]
+                if beside_load(cable, state, element):
+                    shape = load(numbers[:, lane], FOUR)
+                    store(velocity_beside_load(cable, state, element, shape), numbers[:, lane], 4)
+            moving = read_vector(numbers, 4, cable.gravity)
     return moving
 
 
@@ -200,8 +204,7 @@ def contact_force(cable, towers, state, contact):
     """Force (dim,) in N of a tower contact on the rope, at the rope point last found, and its normal part (N)."""
     _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
     n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
-    z, _ = mobilised(cable, towers, state, contact)
-    friction = towers.friction[contact] * n * z
+    friction = towers.friction[contact] * n * mobilised(cable, towers, state, contact)
     force = add_scaled(friction / square_root(dot(r_x, r_x)), r_x, scale(n, normal))
     return with_groove(
         force, towers.groove[contact] * n, towers.groove_friction[contact] * n, r_x, normal, apart, moving
@@ -211,47 +214,50 @@ def contact_force(cable, towers, state, contact):
 @kernel
 def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
     """Add forces and tangents of all tower contacts to the elements in contact, `WIDTH` contacts at a time."""
+    like = cable.gravity
     for first in range(0, towers.stiffness.size, WIDTH):
-        find_contacts(cable, towers, state, first, work)
+        place, side = gather_rows(towers.position, first, like), gather_rows(towers.normal, first, like)
+        e, shapes = find_contacts(cable, towers, state, first, place, side, work)
         touching = False
         for lane in range(WIDTH):
-            work.contact_slide[first + lane] = 0.0
             touching = touching or work.contact_element[first + lane] >= 0
+        put_numbers(0.0, work.contact_slide, first)
         if touching:
-            add_contacts(cable, towers, state, first, rate_factor, stiffness_factor, work)
+            at = shape_at_contact(e, shapes, place, side)
+            add_contacts(cable, towers, state, first, e, shapes, at, rate_factor, stiffness_factor, work)
 
 
-@kernel
-def add_contacts(cable, towers, state, first, rate_factor, stiffness_factor, work):
-    """Add forces and tangents of `WIDTH` contacts from `first` on, of which the points of the rope are found."""
-    like, pressed = cable.gravity, False
-    e, shapes, _ = curve_at(state, gather_numbers(work.contact_place, first), work, like)
-    rates = gather_listed(state.nodes.velocity, work.lane_element, 0, like)
-    place, side = gather_rows(towers.position, first, like), gather_rows(towers.normal, first, like)
-    r_x, apart, normal = shape_at_contact(e, shapes, place, side)
-    moving = velocity_at(cable, state, rates, shapes, work)
+@inlined_kernel
+def add_contacts(cable, towers, state, first, e, shapes, at, rate_factor, stiffness_factor, work):
+    """Add forces and tangents of `WIDTH` contacts from `first` on, of which the points of the rope are found.
+
+    Takes what `find_contacts` and `shape_at_contact` return; rest as in `assemble`.
+    """
+    like, (r_x, apart, normal) = cable.gravity, at
+    rates = gather_listed(state.nodes.velocity, work.contact_near, first, like)
+    moving = velocity_at(cable, state, rates, shapes, first, work)
+    depth, depth_rate = depth_of_lanes(towers, state, -dot(apart, normal), first, work, like), -dot(normal, moving)
+    stiffness, toe = gather_numbers(towers.stiffness, first), gather_numbers(towers.toe, first)
+    n, by_depth, by_rate = buffer_force(stiffness, toe, gather_numbers(towers.damping, first), depth, depth_rate)
     put_vectors(shapes[0], work.contact_shape, first)
     put_vectors(normal, work.contact_normal, first)
-    put_vectors((-dot(apart, normal), -dot(normal, moving)), work.contact_depth, first)
+    put_vectors((depth, depth_rate, n), work.contact_depth, first)
+    pressed = cable.load_nodes and towers.at_bends
     for lane in range(WIDTH):
-        contact, law = first + lane, LAW
-        if work.contact_element[contact] >= 0:
-            depth = depth_in_groove(towers, state, contact, work.contact_depth[0, contact], like)
-            work.contact_depth[0, contact] = depth
-            n, by_depth, by_rate = normal_force(towers, contact, depth, work.contact_depth[1, contact])
-            if n != 0.0:
-                law, pressed = (n, by_depth, by_rate, *mobilised(cable, towers, state, contact)), True
-        store(law, work.lane_numbers[:, lane])
-    if not (pressed or towers.at_bends):
+        pressed = pressed or work.contact_depth[2, first + lane] != 0.0
+    if not pressed:
         return
-    limits = (
-        gather_numbers(towers.friction, first),
-        gather_numbers(towers.groove, first),
-        gather_numbers(towers.groove_friction, first),
-    )
+    s, origin = gather_numbers(state.contact_arc_length, first), gather_numbers(state.contact_origin, first)
+    way, before = slid(cable, state, s, origin), gather_numbers(state.contact_deflection, first)
+    z, z_by_way = mobilise(way, before, gather_numbers(towers.presliding, first))
+    put_vectors((way, before, z), work.contact_friction, first)
     force, by_place, by_slope, slide = force_and_tangent(
-        read_vector(work.lane_numbers, 0, LAW),
-        limits,
+        (n, by_depth, by_rate, z, z_by_way),
+        (
+            gather_numbers(towers.friction, first),
+            gather_numbers(towers.groove, first),
+            gather_numbers(towers.groove_friction, first),
+        ),
         (r_x, apart, normal, weighted(e, shapes[2])),
         (moving, weighted(rates, shapes[1])),
         rate_factor,
@@ -259,46 +265,42 @@ def add_contacts(cable, towers, state, first, rate_factor, stiffness_factor, wor
     )
     if stiffness_factor != 0.0:
         put_numbers(slide, work.contact_slide, first)
-    write_point_load(force, by_place, by_slope, shapes[0], shapes[1], work.group)
-    turn_lanes(work.group, work.elements, like)
-    if cable.load_nodes:
-        spread(force, work.group, 0)
-        spread(by_place[0], work.group, tangent_row(0, like))
-        spread(by_place[1], work.group, tangent_row(1, like))
-        spread(by_slope[0], work.group, tangent_row(2, like))
-        spread(by_slope[1], work.group, tangent_row(3, like))
+    put_vectors(shapes[1], work.contact_shape_x, first)
+    write_point_load(force, by_place, by_slope, work.group)
+    turn_point_loads(work.group, work.elements, like)
     for lane in range(WIDTH):
-        element = work.contact_element[first + lane]
-        if element >= 0 and beside_load(cable, state, element):
-            add_beside_load(cable, towers, state, first, lane, stiffness_factor, work)
-        elif work.lane_numbers[0, lane] != 0.0:
-            accumulate_element(work.elements[lane], element, stiffness_factor != 0.0, like, work)
+        contact = first + lane
+        if work.contact_element[contact] >= 0:
+            if cable.load_nodes and beside_load(cable, state, work.contact_element[contact]):
+                add_beside_load(cable, towers, state, contact, lane, stiffness_factor, work)
+            elif work.contact_depth[2, contact] != 0.0:
+                add_beside_none(contact, lane, stiffness_factor, like, work)
 
 
-@formula
-def tangent_row(number, like):
-    """First row of the four matrices (dim²) of tangents of a group of contacts, after their forces (dim,)."""
-    dim = len(like)
-    return dim + number * dim * dim
+@inlined_kernel
+def add_beside_none(contact, lane, stiffness_factor, like, work):
+    """Add force and tangent of one contact, in a lane of the group in `work`, to an element beside no moving load."""
+    numbers, element = work.elements[lane], work.contact_element[contact]
+    shape = load(work.contact_shape[:, contact], FOUR)
+    force, _, _ = read_point_load(numbers, like)
+    for i in range(4):
+        accumulate_vector(scale(work.contact_shape[i, contact], force), work.right_side, element, i)
+    if stiffness_factor != 0.0:
+        shape_x = load(work.contact_shape_x[:, contact], FOUR)
+        add_point_tangents(numbers, shape, shape_x, element, work.diagonal, work.upper, work.lower, like)
 
 
 @kernel
-def add_beside_load(cable, towers, state, first, lane, stiffness_factor, work):
-    """Add force and tangent of one contact, in a lane of those from `first` on, to the elements beside a moving load.
-
-    Takes force and tangents of the lanes in `work.group`, in rows as of `tangent_row`.
-    """
-    contact, like = first + lane, cable.gravity
+def add_beside_load(cable, towers, state, contact, lane, stiffness_factor, work):
+    """Add force and tangent of one contact, in a lane of the group in `work`, to an element beside a moving load."""
     if towers.at_bends and add_at_bend(cable, towers, state, contact, stiffness_factor, work):
         return
-    if work.lane_numbers[0, lane] == 0.0:
+    if work.contact_depth[2, contact] == 0.0:
         return
-    numbers, square = work.group[:, lane], outer(0.0, like, like)
-    force, point = load(numbers, like), point_on(state, work.contact_element[contact], work.contact_place[contact])
+    force, by_place, by_slope = read_point_load(work.elements[lane], cable.gravity)
+    point = point_on(state, work.contact_element[contact], work.contact_place[contact])
     add_point_load(force, point, state, work)
     if stiffness_factor != 0.0:
-        by_place = load(numbers, square, tangent_row(0, like)), load(numbers, square, tangent_row(1, like))
-        by_slope = load(numbers, square, tangent_row(2, like)), load(numbers, square, tangent_row(3, like))
         add_point_tangent(force, by_place, by_slope, point, stiffness_factor, state, work)
 
 
@@ -373,20 +375,18 @@ def contacts_left(cable, towers, state, work, mass_factor, rate_factor, least):
     for first in range(0, towers.stiffness.size, WIDTH):
         touching = False
         for lane in range(WIDTH):
-            element = work.contact_element[first + lane]
-            touching = touching or element >= 0
-            work.lane_element[lane] = max(element, 0)
+            touching = touching or work.contact_element[first + lane] >= 0
         if not touching:
             continue
-        increments = gather_listed(work.right_side, work.lane_element, 0, like)
+        increments = gather_listed(work.right_side, work.contact_near, first, like)
         change = weighted(increments, gather_vectors(work.contact_shape, first, FOUR))
         deeper = -dot(gather_vectors(work.contact_normal, first, like), change)
-        length = gather_numbers_listed(state.mesh.length, work.lane_element, 0)
+        length = gather_numbers_listed(state.mesh.length, work.contact_near, first)
         inertia = 0.5 * mass_factor * cable.mass_per_length * length
-        rates, damping = gather_numbers(work.contact_depth[1], first), gather_numbers(towers.damping, first)
+        rates, damping = read_numbers(work.contact_depth[1], first), gather_numbers(towers.damping, first)
         hard = 0.5 * (1.0 + damping * magnitude(rates)) / gather_numbers(towers.toe, first) + rate_factor * damping
         bent = gather_numbers(towers.stiffness, first) * hard * deeper * deeper
-        growth = gather_numbers(work.contact_slide, first) / gather_numbers(towers.presliding, first)
+        growth = read_numbers(work.contact_slide, first) / gather_numbers(towers.presliding, first)
         spread((deeper, inertia, bent + growth * dot(change, change)), work.lane_numbers, 0)
         spread(change, work.lane_numbers, 3)
         for lane in range(WIDTH):
@@ -426,33 +426,46 @@ def settle_towers(cable, towers, state, work):
     Contact points are those of the last iteration: their move since then changes the depth in second order only, and
     the friction of the step is that of the sliding in that iteration.
     """
-    like, count = cable.gravity, towers.stiffness.size
+    like, count, numbers = cable.gravity, towers.stiffness.size, work.lane_numbers
     for tower in range(towers.top.shape[0]):
         state.tower_load[tower, 0] = 0.0
         begin_lateral(state, tower, like)
     for first in range(0, count, WIDTH):
-        s = gather_numbers(state.contact_arc_length, first)
         for lane in range(WIDTH):
-            place = state.contact_arc_length[min(first + lane, count - 1)]
-            work.lane_element[lane] = element_at(cable, state, place)
-        e, shapes, _ = curve_at(state, s, work, like)
+            s = state.contact_arc_length[min(first + lane, count - 1)]
+            near = element_beside(cable, state, s, work.contact_near[first + lane])
+            work.contact_place[first + lane], work.contact_near[first + lane] = s, near
+        e, shapes, _ = curve_at(state, first, work, like)
         place, side = gather_rows(towers.position, first, like), gather_rows(towers.normal, first, like)
         r_x, apart, normal = shape_at_contact(e, shapes, place, side)
-        rates = gather_listed(state.nodes.velocity, work.lane_element, 0, like)
-        moving = velocity_at(cable, state, rates, shapes, work)
-        spread((-dot(apart, normal), -dot(normal, moving)), work.lane_numbers, 0)
-        note_lateral(r_x, normal, apart, moving, work.lane_numbers)
+        rates = gather_listed(state.nodes.velocity, work.contact_near, first, like)
+        moving = velocity_at(cable, state, rates, shapes, first, work)
+        depth = depth_of_lanes(towers, state, -dot(apart, normal), first, work, like)
+        stiffness, toe = gather_numbers(towers.stiffness, first), gather_numbers(towers.toe, first)
+        damping = gather_numbers(towers.damping, first)
+        n, _, _ = buffer_force(stiffness, toe, damping, depth, -dot(normal, moving))
+        spread((n,), numbers, 0)
+        note_lateral(r_x, normal, apart, moving, numbers)
         for lane in range(min(WIDTH, count - first)):
-            contact, tower = first + lane, towers.contact_tower[first + lane]
-            depth = depth_in_groove(towers, state, contact, work.lane_numbers[0, lane], like)
-            n, _, _ = normal_force(towers, contact, depth, work.lane_numbers[1, lane])
-            state.tower_load[tower, 0] += n
-            add_lateral(towers, state, contact, n, work.lane_numbers[:, lane], like)
-            state.contact_deflection[contact], _ = mobilised(cable, towers, state, contact)
-            state.contact_origin[contact] = rope_before(cable, state, state.contact_arc_length[contact])
+            contact, force = first + lane, numbers[0, lane]
+            state.tower_load[towers.contact_tower[contact], 0] += force
+            add_lateral(towers, state, contact, force, numbers[:, lane], like)
+            settle_friction_of_contact(cable, towers, state, contact, work)
     for tower in range(towers.top.shape[0]):
         state.tower_load[tower, 1] = min(state.tower_load[tower, 1], state.tower_load[tower, 0])
         end_lateral(state, tower, like)
+
+
+@inlined_kernel
+def settle_friction_of_contact(cable, towers, state, contact, work):
+    """End a step: store the mobilised friction of a tower contact, as the last iteration had it if nothing has moved."""
+    before, rope = state.contact_deflection[contact], rope_before(cable, state, state.contact_arc_length[contact])
+    way, friction = rope - state.contact_origin[contact], work.contact_friction
+    if work.contact_element[contact] >= 0 and friction[0, contact] == way and friction[1, contact] == before:
+        state.contact_deflection[contact] = friction[2, contact]
+    else:
+        state.contact_deflection[contact] = mobilise(way, before, towers.presliding[contact])[0]
+    state.contact_origin[contact] = rope
 
 
 @kernel
@@ -464,7 +477,7 @@ def begin_lateral(state: Any, tower: int, like: Vector) -> None:
 
 @inlined_kernel
 def note_lateral(r_x: Any, normal: Any, apart: Any, moving: Any, numbers: Any) -> None:
-    """Write offset and speed across the groove, and the lateral vector (3,), of `WIDTH` contacts; no-op in a plane.
+    """Write offset and speed across the groove, and its lateral vector (3,), of `WIDTH` contacts; no-op in a plane.
 
     Takes what `shape_at_contact` returns, and the velocity of the rope. They go to `numbers` (n, WIDTH), from row 2 on.
     """
@@ -536,6 +549,23 @@ def lift(cable, towers, state, tower):
     for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
         deepest = max(deepest, contact_frame(cable, towers, state, contact)[4])
     return -deepest
+
+
+@inlined_kernel
+def depth_of_lanes(towers: Any, state: Any, depth: Any, first: int, work: Any, like: Vector) -> Any:
+    """`depth_in_groove` of `WIDTH` contacts from `first` on."""
+    if len(like) == 2:
+        return depth
+    last, out = towers.stiffness.size - 1, False
+    for lane in range(WIDTH):
+        out = out or state.derailment[towers.contact_tower[min(first + lane, last)], 0] != IN_GROOVE
+    if out:
+        spread((depth,), work.lane_numbers, 0)
+        for lane in range(WIDTH):
+            contact = min(first + lane, last)
+            work.lane_numbers[0, lane] = depth_in_groove(towers, state, contact, work.lane_numbers[0, lane], like)
+        return read_numbers(work.lane_numbers[0], 0)
+    return depth
 
 
 @kernel

@@ -94,19 +94,21 @@ def normal_force(towers, contact, depth, depth_rate):
     return buffer_force(stiffness, toe, damping, depth, depth_rate)
 
 
-@kernel
-def slid(cable, state, contact):
+@inlined_kernel
+def slid(cable, state, arc_length, origin):
     """Sliding displacement (m) of the rope over a tower contact in this step, positive towards the start of the rope.
 
-    It is measured in unstrained rope before the contact, so that rope which runs through the mesh counts as well.
+    It is measured in unstrained rope before the contact, so that rope which runs through the mesh counts as well: now,
+    by the `arc_length` (m) of the contact, and at the start of the step, its `origin` (m).
     """
-    return rope_before(cable, state, state.contact_arc_length[contact]) - state.contact_origin[contact]
+    return rope_before(cable, state, arc_length) - origin
 
 
 @inlined_kernel
 def mobilised(cable, towers, state, contact):
-    """Mobilised share z (-1..1) of the friction along the rope at a tower contact, and dz/dway (1/m)."""
-    return mobilise(slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact])
+    """Mobilised share z (-1..1) of the friction along the rope at a tower contact."""
+    way = slid(cable, state, state.contact_arc_length[contact], state.contact_origin[contact])
+    return mobilise(way, state.contact_deflection[contact], towers.presliding[contact])[0]
 
 
 @inlined_kernel

@@ -287,18 +287,3 @@ def add_element(numbers, element, like, work):
             store(load(numbers[block_row(2 + i, 2 + j, like) :], square), work.diagonal[element + 1, i, j])
             store(load(numbers[block_row(i, 2 + j, like) :], square), work.upper[element, i, j])
             store(load(numbers[block_row(2 + i, j, like) :], square), work.lower[element, i, j])
-
-
-@inlined_kernel
-def accumulate_element(numbers, element, with_tangent, like, work):
-    """Add residual and, if wanted, tangent of loads on an element, `numbers` as in `add_element`, to its two nodes."""
-    square = outer(0.0, like, like)
-    for i in range(2):
-        accumulate(load(numbers[vector_row(i, like) :], like), work.right_side[element, i])
-        accumulate(load(numbers[vector_row(2 + i, like) :], like), work.right_side[element + 1, i])
-        if with_tangent:
-            for j in range(2):
-                accumulate(load(numbers[block_row(i, j, like) :], square), work.diagonal[element, i, j])
-                accumulate(load(numbers[block_row(2 + i, 2 + j, like) :], square), work.diagonal[element + 1, i, j])
-                accumulate(load(numbers[block_row(i, 2 + j, like) :], square), work.upper[element, i, j])
-                accumulate(load(numbers[block_row(2 + i, j, like) :], square), work.lower[element, i, j])

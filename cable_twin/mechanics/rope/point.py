@@ -9,16 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.simd import spread
-from cable_twin.mechanics.language.traced import formula
+from cable_twin.mechanics.language.simd import WIDTH, spread
+from cable_twin.mechanics.language.traced import Mat, Vec, formula, read_lanes, row_of, write_lanes
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, load, scale
-from cable_twin.mechanics.rope.shape_functions import (
-    block_row,
-    shape_functions,
-    shape_functions_x,
-    shape_functions_xx,
-    vector_row,
-)
+from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 
 Four = tuple[float, float, float, float]
 
@@ -40,7 +34,12 @@ def element_at(cable, state, arc_length):
     """Index of the element at an `arc_length` (m); beyond an end, the end element; the first one for NaN."""
     place = arc_length / cable.cell_length
     cell = int(min(place, cable.cell_element.size - 1.0)) if place > 0.0 else 0
-    element = cable.cell_element[cell]
+    return element_beside(cable, state, arc_length, cable.cell_element[cell])
+
+
+@inlined_kernel
+def element_beside(cable, state, arc_length, element):
+    """Index of the element at an `arc_length` (m), looked for from a given one on; that one for NaN."""
     nodes = state.mesh.arc_length  # which may have moved from where the grid has them
     while element > 0 and arc_length < nodes[element]:
         element -= 1
@@ -185,12 +184,51 @@ def add_tangent_to_patch(by_place, by_slope, shape, shape_x, patch, right):
 
 
 @formula
-def write_point_load(force, by_place, by_slope, shape, shape_x, group):
-    """Write nodal forces and tangents of point loads on `WIDTH` elements to a `group`, in the order of its rows."""
-    for i in range(4):
-        spread(shape[i] * force, group, vector_row(i, force))
-    for i, j, matrix in tangent_blocks(by_place, by_slope, shape, shape_x):
-        spread(matrix, group, block_row(i, j, force))
+def write_point_load(force, by_place, by_slope, group):
+    """Write force and tangent of `WIDTH` point loads, as `add_tangent` takes them, to a `group`, one row a number."""
+    matrices = (*by_place, *by_slope)
+    for k, matrix in enumerate(matrices):
+        spread(matrix, group, k * len(matrix.entries))
+    spread(force, group, len(matrices) * len(force) * len(force))
+
+
+@formula
+def read_point_load(numbers, like):
+    """Force, and tangents by place and by slope, of a point load from its `numbers`, in the order of a `group`."""
+    square = len(like) * len(like)
+    matrix = Mat([like] * len(like))
+    matrices = [load(numbers, matrix, k * square) for k in range(4)]
+    return load(numbers, like, 4 * square), (matrices[0], matrices[1]), (matrices[2], matrices[3])
+
+
+@formula
+def add_point_tangents(numbers, shape, shape_x, element, diagonal, upper, lower, like):
+    """Add the tangent of a point load on an element beside no moving load to node blocks, as `add_tangent_to_nodes`.
+
+    Takes the `numbers` of the load in the order of a `group`. Those of a block are added in SIMD lanes, as they are in
+    memory.
+    """
+    square = len(like) * len(like)
+    whole = square - square % WIDTH
+    chunks = [
+        Vec(
+            [read_lanes(numbers, (k * square + first,), WIDTH) for first in range(0, whole, WIDTH)]
+            + [numbers[k * square + entry] for entry in range(whole, square)]
+        )
+        for k in range(4)
+    ]
+    rows = (
+        (row_of(diagonal[element]), row_of(upper[element])),
+        (row_of(lower[element]), row_of(diagonal[element + 1])),
+    )
+    for i, j, block in tangent_blocks(chunks[:2], chunks[2:], shape, shape_x):
+        row, first = rows[i // 2][j // 2], (i % 2 * 2 + j % 2) * square
+        for k in range(whole // WIDTH):
+            place = (first + k * WIDTH,)
+            write_lanes(read_lanes(row, place, WIDTH) + block[k], row, place)
+        for k in range(whole // WIDTH, len(block)):
+            place = first + whole + k - whole // WIDTH
+            row[place] = row[place] + block[k]
 
 
 def tangent_blocks(by_place, by_slope, shape, shape_x):
