@@ -268,8 +268,8 @@ def add_contacts(cable, towers, state, first, e, shapes, at, rate_factor, stiffn
     put_vectors(shapes[1], work.contact_shape_x, first)
     write_point_load(force, by_place, by_slope, work.group)
     turn_point_loads(work.group, work.elements, like)
-    for lane in range(WIDTH):
-        contact = first + lane
+    for contact in range(first, min(first + WIDTH, towers.stiffness.size)):
+        lane = contact - first
         if work.contact_element[contact] >= 0:
             if cable.load_nodes and beside_load(cable, state, work.contact_element[contact]):
                 add_beside_load(cable, towers, state, contact, lane, stiffness_factor, work)
@@ -458,7 +458,7 @@ def settle_towers(cable, towers, state, work):
 
 @inlined_kernel
 def settle_friction_of_contact(cable, towers, state, contact, work):
-    """End a step: store the mobilised friction of a tower contact, as the last iteration had it if nothing has moved."""
+    """End a step: store the mobilised friction of a tower contact, as the last iteration had it if nothing moved."""
     before, rope = state.contact_deflection[contact], rope_before(cable, state, state.contact_arc_length[contact])
     way, friction = rope - state.contact_origin[contact], work.contact_friction
     if work.contact_element[contact] >= 0 and friction[0, contact] == way and friction[1, contact] == before:
