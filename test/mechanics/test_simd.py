@@ -6,8 +6,8 @@ from systems import disturbed_state, make_system, nodal_vectors
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import clear_array, combine_arrays, copy_array, flat
-from cable_twin.mechanics.language.simd import WIDTH, gather, spread
-from cable_twin.mechanics.language.traced import square_root
+from cable_twin.mechanics.language.simd import WIDTH, gather, larger, magnitude, smaller, spread
+from cable_twin.mechanics.language.traced import exponential, if_less, square_root
 from cable_twin.mechanics.language.vectors import dot, scale
 from cable_twin.mechanics.rope import elastic_models
 from cable_twin.mechanics.rope import element as cable_element
@@ -21,6 +21,7 @@ def formula(a, b):
     c = a + 2.0 * b
     c -= 3.0 / (square_root(a * a + 1.0) + 1)
     c /= 1.5 + b * b
+    c += if_less(a, b, exponential(-magnitude(c)), larger(smaller(c, b), -0.5))
     return -c
 
 

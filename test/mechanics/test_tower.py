@@ -17,9 +17,11 @@ from cable_twin.mechanics.on_rope.tower import (
 from cable_twin.mechanics.on_rope.tower_contact import NEAR
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.point import point_at, slope, value
+from cable_twin.mechanics.state import allocate_workspace
 
 HEIGHT = 0.05  # m, of the groove
 PLACES = (0.3, 0.9, 1.6)  # m, on three elements of 0.7 m
+CONTACT_FIELDS = "stiffness", "damping", "friction", "presliding", "toe", "groove", "groove_friction"
 
 
 def on_rope(cable, state, s):
@@ -122,6 +124,54 @@ def test_tangent_is_the_derivative_of_the_force(case, tolerance):
     forces_on_nodes(system, state, work, rate_factor, 1.0)
     np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=tolerance * np.abs(exact).max())
     assert np.abs(exact).max() > 100.0
+
+
+def many_contacts(dim):
+    """Eleven contacts, several of them on each of three elements, at depths on both sides of the toe; some are clear."""
+    places = tuple(np.linspace(0.2, 1.8, 11))
+    system, state, work = touching(0.03, places, dim, 0.004 if dim == 3 else 0.0)
+    lift = np.where(np.arange(11) % 5 == 2, 0.06, 0.006 * (np.arange(11) % 4))
+    system.towers.position[:] -= lift[:, None] * system.towers.normal
+    if dim == 3:
+        state.derailment[3, 0] = OUT_LEFT
+    return system, state, work
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_contacts_in_lanes_are_each_contact_by_itself(dim):
+    system, state, work = many_contacts(dim)
+    found, towers = clone(state), system.towers
+    total = forces_on_nodes(system, found, work, 5.0, 1.0)
+    tangent, clear = dense_blocks(work), work.contact_element[:11] < 0
+    assert 0 < clear.sum() < 5
+    assert len(set(work.contact_element[:11])) < 5
+    forces, tangents = np.zeros_like(total), np.zeros_like(tangent)
+    for contact in range(11):
+        alone = {name: np.array([getattr(towers, name)[contact]]) for name in CONTACT_FIELDS}
+        one, own, room = touching(0.0, (1.0,), dim, **alone)
+        own.nodes.position[:], own.nodes.velocity[:] = state.nodes.position, state.nodes.velocity
+        own.contact_arc_length[:] = state.contact_arc_length[contact]
+        own.contact_origin[:] = state.contact_origin[contact]
+        if dim == 3:
+            own.derailment[0, 0] = state.derailment[contact, 0]
+        one.towers.position[:], one.towers.normal[:] = towers.position[contact], towers.normal[contact]
+        forces += forces_on_nodes(one, own, room, 5.0, 1.0)
+        tangents += dense_blocks(room)
+        assert own.contact_arc_length[0] == found.contact_arc_length[contact]
+    np.testing.assert_allclose(total, forces, rtol=1e-12, atol=1e-12 * np.abs(total).max())
+    np.testing.assert_allclose(tangent, tangents, rtol=1e-12, atol=1e-12 * np.abs(tangent).max())
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.002])
+def test_friction_at_the_end_of_a_step_is_that_of_its_last_iteration_where_the_rope_has_not_moved_on(moved):
+    system, state, work = many_contacts(2)
+    forces_on_nodes(system, state, work)
+    state.contact_origin[::2] -= moved
+    fresh = clone(state)
+    settle_towers(system.cable, system.towers, state, work)
+    settle_towers(system.cable, system.towers, fresh, allocate_workspace(system))
+    np.testing.assert_array_equal(state.contact_deflection, fresh.contact_deflection)
+    np.testing.assert_array_equal(state.tower_load, fresh.tower_load)
 
 
 @pytest.mark.parametrize("depth", [0.03, 0.004], ids=["stiff", "toe"])

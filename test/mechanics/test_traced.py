@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.traced import beside, first_of, formula, fuses, row_of, second_of, square_root
+from cable_twin.mechanics.language.simd import beside, first_of, second_of
+from cable_twin.mechanics.language.traced import formula, fuses, row_of, square_root
 from cable_twin.mechanics.language.vectors import load
 
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")

@@ -16,6 +16,7 @@ from cable_twin.mechanics.language.traced import (
     Vec,
     as_lanes,
     formula,
+    if_less,
     lane_of,
     least,
     read_lanes,
@@ -26,6 +27,24 @@ from cable_twin.mechanics.language.traced import (
 )
 
 WIDTH = LANES.width
+
+
+@formula
+def larger(one: Any, other: Any) -> Any:
+    """Larger of two floats, or of each SIMD lane of them; the second one where one of them is no number."""
+    return if_less(other, one, one, other)
+
+
+@formula
+def smaller(one: Any, other: Any) -> Any:
+    """Smaller of two floats, or of each SIMD lane of them; the second one where one of them is no number."""
+    return if_less(one, other, one, other)
+
+
+@formula
+def magnitude(value: Any) -> Any:
+    """Absolute value of a float, or of each SIMD lane."""
+    return if_less(value, 0.0, -value, value)
 
 
 @formula
@@ -203,3 +222,34 @@ def write_beside(numbers: Sequence[Any], arrays: Sequence[Any]) -> None:
 def sum_of_lanes(lanes: Any) -> Any:
     """Sum of all lanes of a SIMD register, added from the first lane on."""
     return sum(lane_of(lanes, k) for k in range(WIDTH))
+
+
+@formula
+def beside(one: Any, other: Any) -> Any:
+    """Pair the numbers of two tuples of equal structure as SIMD lanes, so that a formula evaluates both at once."""
+    return together([one, other])
+
+
+def together(parts: Sequence[Any]) -> Any:
+    """Join the numbers of several tuples of equal structure as SIMD lanes, so that a formula evaluates all at once."""
+    if isinstance(parts[0], tuple):
+        return tuple(together(each) for each in zip(*parts, strict=True))
+    return as_lanes(parts)
+
+
+@formula
+def first_of(pairs: Any) -> Any:
+    """First tuple of numbers of a pair made with `beside`, which holds two tuples in the lanes of SIMD registers."""
+    return _lanes_of(pairs, 0)
+
+
+@formula
+def second_of(pairs: Any) -> Any:
+    """Second tuple of numbers of a pair made with `beside`, which holds two tuples in the lanes of SIMD registers."""
+    return _lanes_of(pairs, 1)
+
+
+def _lanes_of(pairs: Any, number: int) -> Any:
+    if isinstance(pairs, tuple):
+        return tuple(_lanes_of(pair, number) for pair in pairs)
+    return lane_of(pairs, number)

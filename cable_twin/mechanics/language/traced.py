@@ -443,14 +443,6 @@ def square_root(value: Any) -> Any:
 
 
 @formula
-def magnitude(value: Any) -> Any:
-    """Absolute value of a number, or of each SIMD lane."""
-    if not isinstance(value, _Number):
-        return np.abs(value)
-    return value if value.place is None else _call("llvm.fabs", value.kind, [value.value], value.place)
-
-
-@formula
 def exponential(value: Any) -> Any:
     """Exponential of a number, or of each SIMD lane."""
     if not isinstance(value, _Number):
@@ -461,28 +453,16 @@ def exponential(value: Any) -> Any:
 @formula
 def if_less(one: Any, other: Any, then: Any, otherwise: Any) -> Any:
     """`then` where the float `one` is less than `other`, else `otherwise`; of SIMD lanes, lane by lane."""
-    parts = one, other, then, otherwise
-    traced = [part for part in parts if isinstance(part, _Number)]
-    if not traced:
+    numbers = [one, other, then, otherwise]
+    places = [number.place for number in numbers if isinstance(number, _Number)]
+    if not places:
         return np.where(one < other, then, otherwise)[()]
-    numbers = [_as_number(part, traced[0].place) for part in parts]
+    numbers = [_as_number(number, places[0]) for number in numbers]
     kind = max((number.kind for number in numbers), key=_RANKS.index)
-    if traced[0].place is None:
+    if places[0] is None:
         return _Number(kind, None, None)
-    builder, values = traced[0].place[1], [number.cast(kind) for number in numbers]
-    return _Number(kind, builder.select(builder.fcmp_ordered("<", *values[:2]), *values[2:]), traced[0].place)
-
-
-@formula
-def larger(one: Any, other: Any) -> Any:
-    """Larger of two floats, or of each SIMD lane of them; the second one where one of them is no number."""
-    return if_less(other, one, one, other)
-
-
-@formula
-def smaller(one: Any, other: Any) -> Any:
-    """Smaller of two floats, or of each SIMD lane of them; the second one where one of them is no number."""
-    return if_less(one, other, one, other)
+    builder, (a, b, c, d) = places[0][1], [number.cast(kind) for number in numbers]
+    return _Number(kind, builder.select(builder.fcmp_ordered("<", a, b), c, d), places[0])
 
 
 def least(one: Any, other: Any) -> Any:
@@ -580,37 +560,6 @@ def write_lanes(lanes: Any, array: Any, index: tuple[Any, ...]) -> None:
     elif array.place is not None:
         builder, lanes = array.place[1], _as_number(lanes, array.place).cast(LANES)
         builder.store(lanes, builder.bitcast(array.at(index).start(), LANES.vector.as_pointer()), align=8)
-
-
-@formula
-def beside(one: Any, other: Any) -> Any:
-    """Pair the numbers of two tuples of equal structure as SIMD lanes, so that a formula evaluates both at once."""
-    return together([one, other])
-
-
-def together(parts: Sequence[Any]) -> Any:
-    """Join the numbers of several tuples of equal structure as SIMD lanes, so that a formula evaluates all at once."""
-    if isinstance(parts[0], tuple):
-        return tuple(together(each) for each in zip(*parts, strict=True))
-    return as_lanes(parts)
-
-
-@formula
-def first_of(pairs: Any) -> Any:
-    """First tuple of numbers of a pair made with `beside`, which holds two tuples in the lanes of SIMD registers."""
-    return _lanes_of(pairs, 0)
-
-
-@formula
-def second_of(pairs: Any) -> Any:
-    """Second tuple of numbers of a pair made with `beside`, which holds two tuples in the lanes of SIMD registers."""
-    return _lanes_of(pairs, 1)
-
-
-def _lanes_of(pairs: Any, number: int) -> Any:
-    if isinstance(pairs, tuple):
-        return tuple(_lanes_of(pair, number) for pair in pairs)
-    return lane_of(pairs, number)
 
 
 def _define(function: Callable[..., Any], instruction: str, operands: int = 2) -> None:

@@ -19,6 +19,7 @@ from math import inf, sqrt
 from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.simd import larger
 from cable_twin.mechanics.language.traced import if_less
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
@@ -38,6 +39,7 @@ from cable_twin.mechanics.rope.patch import at_node, mean_slope
 from cable_twin.mechanics.rope.point import R, add_matrix, add_row, point_on, slope, value
 
 ALMOST_MET = 0.1  # times the room: joints that are nearer are pressed almost through each other
+LEAST_TOE = 1e-30  # m, for a division where there is no toe
 CLOSEST = 1e-3  # m between the joints of two vehicles: if they are nearer, they are pressed through each other
 
 
@@ -48,8 +50,9 @@ def buffer_force(stiffness, toe, damping, depth, depth_rate):
     `stiffness` is in N/m, `damping` in s/m. All are numbers, or SIMD lanes.
     """
     hysteresis = 1.0 + damping * depth_rate
-    elastic = if_less(depth, toe, 0.5 * stiffness * depth * depth / toe, stiffness * (depth - 0.5 * toe))
-    stiff = if_less(depth, toe, stiffness * depth / toe, stiffness)
+    depth, over = larger(depth, 0.0), larger(toe, LEAST_TOE)
+    elastic = if_less(depth, toe, 0.5 * stiffness * depth * depth / over, stiffness * (depth - 0.5 * toe))
+    stiff = if_less(depth, toe, stiffness * depth / over, stiffness)
     return (
         if_less(0.0, depth, if_less(0.0, hysteresis, elastic * hysteresis, 0.0), 0.0),
         if_less(0.0, depth, if_less(0.0, hysteresis, stiff * hysteresis, 0.0), 0.0),

@@ -7,7 +7,8 @@ Another friction law of joints needs no more than the normal force that `frictio
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.traced import exponential, formula, if_less, magnitude, square_root
+from cable_twin.mechanics.language.simd import magnitude
+from cable_twin.mechanics.language.traced import exponential, formula, if_less, square_root
 from cable_twin.mechanics.language.vectors import add_scaled, dot
 from cable_twin.mechanics.on_rope.brakes import brake_force
 from cable_twin.mechanics.parameters import TRACK_ROPE

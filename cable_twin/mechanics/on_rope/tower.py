@@ -30,6 +30,8 @@ from cable_twin.mechanics.language.simd import (
     gather_numbers_listed,
     gather_rows,
     gather_vectors,
+    larger,
+    magnitude,
     put_numbers,
     put_vectors,
     read_numbers,
@@ -37,7 +39,7 @@ from cable_twin.mechanics.language.simd import (
     spread,
     turn_point_loads,
 )
-from cable_twin.mechanics.language.traced import larger, magnitude, square_root
+from cable_twin.mechanics.language.traced import square_root
 from cable_twin.mechanics.language.vectors import Vector, add_scaled, dot, load, outer, scale, store, subtract
 from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.rotations import cross
-from cable_twin.mechanics.language.traced import formula, larger, magnitude, smaller, square_root
+from cable_twin.mechanics.language.simd import larger, magnitude, smaller
+from cable_twin.mechanics.language.traced import formula, square_root
 from cable_twin.mechanics.language.vectors import Matrix, Vector, add_scaled, dot, outer, scale, subtract
 from cable_twin.mechanics.on_rope.buffer import buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise

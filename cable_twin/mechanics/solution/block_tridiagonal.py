@@ -9,7 +9,8 @@ A node has two unknown vectors, r and r_x, so its block is a tuple of four matri
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.traced import Mat, Vec, beside, first_of, formula, row_of, second_of
+from cable_twin.mechanics.language.simd import beside, first_of, second_of
+from cable_twin.mechanics.language.traced import Mat, Vec, formula, row_of
 from cable_twin.mechanics.language.vectors import (
     adjugate,
     determinant,

@@ -9,8 +9,8 @@ stays in SIMD lanes.
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel
-from cable_twin.mechanics.language.simd import WIDTH, read_beside, sum_of_lanes, write_beside
-from cable_twin.mechanics.language.traced import formula, read_lanes, together, write_lanes
+from cable_twin.mechanics.language.simd import WIDTH, read_beside, sum_of_lanes, together, write_beside
+from cable_twin.mechanics.language.traced import formula, read_lanes, write_lanes
 from cable_twin.mechanics.language.vectors import load, outer, scale
 from cable_twin.mechanics.solution.block_tridiagonal import (
     add_parts,
