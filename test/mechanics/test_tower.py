@@ -38,17 +38,17 @@ def touching(depth=0.03, places=PLACES, dim=2, aside=0.0, **changes):
     system = make_system(dim, towers={"contacts": len(places)})
     state, work = disturbed_state(system)
     position, normal = [], []
-    for s in places:
+    for s, deep in zip(places, np.broadcast_to(depth, len(places)), strict=True):
         r, r_x = on_rope(system.cable, state, s)
         t = r_x / np.linalg.norm(r_x)
         if dim == 2:
             across = np.array([-t[1], t[0]])
-            position.append(r + depth * across)
+            position.append(r + deep * across)
             normal.append(across + 0.2 * r_x)  # only the side counts
         else:
             up = np.array([0.1, -0.3, 1.0]) - t * (t @ [0.1, -0.3, 1.0])
             normal.append(up / np.linalg.norm(up))
-            position.append(r + depth * normal[-1] + aside * np.cross(t, normal[-1]))
+            position.append(r + deep * normal[-1] + aside * np.cross(t, normal[-1]))
     towers = system.towers._replace(
         position=np.array(position), normal=np.array(normal) / np.linalg.norm(normal, axis=1)[:, None], **changes
     )
@@ -127,11 +127,11 @@ def test_tangent_is_the_derivative_of_the_force(case, tolerance):
 
 
 def many_contacts(dim):
-    """Eleven contacts, several of them on each of three elements, at depths on both sides of the toe; some are clear."""
+    """Eleven contacts, several of them on each of three elements, at depths on both sides of the toe, some clear."""
     places = tuple(np.linspace(0.2, 1.8, 11))
-    system, state, work = touching(0.03, places, dim, 0.004 if dim == 3 else 0.0)
-    lift = np.where(np.arange(11) % 5 == 2, 0.06, 0.006 * (np.arange(11) % 4))
-    system.towers.position[:] -= lift[:, None] * system.towers.normal
+    depths = np.where(np.arange(11) % 5 == 2, -0.03, 0.03 - 0.007 * (np.arange(11) % 5))
+    system, state, work = touching(depths, places, dim, 0.004 if dim == 3 else 0.0)
+    state.contact_arc_length[2::5] = places[2::5]
     if dim == 3:
         state.derailment[3, 0] = OUT_LEFT
     return system, state, work
