@@ -210,7 +210,7 @@ class Ropeway:
         inner |= {name: getattr(work, name) for name in ("diagonal", "upper", "lower", "right_side")}
         inner["patch_columns"] = work.no_columns
         counts = ("carriage", "contact", "tower", "end", "body", "element", "station")
-        counts_beside_loads = ("number", "count", "first", "node", "slot")
+        counts_beside_loads = ("number", "count", "first", "node", "slot", "lane")
         sizes = "mass_factor", "rate_factor", "stiffness_factor", "duration", "h", "arc_length", "speed", "normal"
         numbers: dict[str, Any] = dict.fromkeys((*counts, *counts_beside_loads), 0)
         numbers |= dict.fromkeys(

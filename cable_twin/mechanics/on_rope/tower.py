@@ -391,23 +391,22 @@ def contacts_left(cable, towers, state, work, mass_factor, rate_factor, least):
         growth = read_numbers(work.contact_slide, first) / gather_numbers(towers.presliding, first)
         spread((deeper, inertia, bent + growth * dot(change, change)), work.lane_numbers, 0)
         spread(change, work.lane_numbers, 3)
-        for lane in range(WIDTH):
-            contact = first + lane
-            deeper, inertia, most = work.lane_numbers[0, lane], work.lane_numbers[1, lane], work.lane_numbers[2, lane]
+        for contact in range(first, min(first + WIDTH, towers.stiffness.size)):
+            inertia, most = work.lane_numbers[1, contact - first], work.lane_numbers[2, contact - first]
             if work.contact_element[contact] >= 0 and not most < worst * inertia:
-                change = load(work.lane_numbers[:, lane], like, 3)
-                left = contact_left(towers, state, work, contact, change, deeper, inertia, rate_factor)
-                worst = max(worst, left)
+                worst = max(worst, contact_left(towers, state, work, contact, contact - first, rate_factor, like))
     return worst
 
 
 @kernel
-def contact_left(towers, state, work, contact, change, deeper, inertia, rate_factor):
+def contact_left(towers, state, work, contact, lane, rate_factor, like):
     """Estimated error (m) that a Newton iteration leaves at one tower contact, see `contacts_left`.
 
-    Takes the increment (dim,) in m of the rope there, what of it is `deeper` in the contact (m), and the inertia that
-    resists it, in N/m.
+    Takes from its `lane` the part of the rope's increment that is deeper in the contact (m), the inertia that resists
+    it (N/m), and from row 3 on the increment (dim,) in m.
     """
+    deeper, inertia = work.lane_numbers[0, lane], work.lane_numbers[1, lane]
+    change = load(work.lane_numbers[:, lane], like, 3)
     depth, rate, growth = work.contact_depth[0, contact], work.contact_depth[1, contact], work.contact_slide[contact]
     before, by_depth, by_rate = normal_force(towers, contact, depth, rate)
     now, _, _ = normal_force(towers, contact, depth + deeper, rate + rate_factor * deeper)
@@ -463,7 +462,8 @@ def settle_friction_of_contact(cable, towers, state, contact, work):
     """End a step: store the mobilised friction of a tower contact, as the last iteration had it if nothing moved."""
     before, rope = state.contact_deflection[contact], rope_before(cable, state, state.contact_arc_length[contact])
     way, friction = rope - state.contact_origin[contact], work.contact_friction
-    if work.contact_element[contact] >= 0 and friction[0, contact] == way and friction[1, contact] == before:
+    found = work.contact_element[contact] >= 0 and work.contact_depth[2, contact] != 0.0
+    if found and friction[0, contact] == way and friction[1, contact] == before:
         state.contact_deflection[contact] = friction[2, contact]
     else:
         state.contact_deflection[contact] = mobilise(way, before, towers.presliding[contact])[0]
