@@ -93,6 +93,8 @@ class Extremes(NamedTuple):
     mean_force: Annotated[FloatArray, Of("pantograph", unit="N")]
     square_force: Annotated[FloatArray, Of("pantograph", unit="N²")]  # sum of squared distances from the mean
     lost: Annotated[FloatArray, Of("pantograph")]  # frames without contact
+    last_force: Annotated[FloatArray, Of("pantograph", unit="s", first=nan)]  # time of the last frame with a force
+    left: Annotated[FloatArray, Of("pantograph", unit="s", first=nan)]  # time of the first frame past an end
     pull: Annotated[FloatArray, Of("connector", EXTREME, unit="N", first=nan)]
     slack: Annotated[FloatArray, Of("connector", unit="s")]
     last_time: Annotated[FloatArray, Of(1, unit="s", first=nan)]

@@ -327,7 +327,10 @@ def take_couplings(extremes, time, columns):
     for number in range(columns.pantograph_force.size):
         force, x = columns.pantograph_force[number], columns.pantograph_position[number, 0]
         if isnan(force):
+            if isnan(extremes.left[number]) and not isnan(x):  # a frame of a log has neither
+                extremes.left[number] = time
             continue
+        extremes.last_force[number], extremes.left[number] = time, nan
         extremes.frames[number] += 1.0
         apart = force - extremes.mean_force[number]
         extremes.mean_force[number] += apart / extremes.frames[number]  # Welford 1962

@@ -421,19 +421,20 @@ class KeyFigures:
 
     def _of_couplings(self) -> Iterator[KeyFigure]:
         """Figures of pantographs, of clamps on haul ropes and of connectors between ropes."""
-        extremes, scenario, last = self._extremes, self._scenario, self._last
+        extremes, scenario = self._extremes, self._scenario
         for row, name in enumerate(scenario.pantographs):
             frames, subject = float(extremes.frames[row]), Subject(f"pantographs.{name}", name)
             if not frames:
                 continue
             mean, deviation = float(extremes.mean_force[row]), sqrt(extremes.square_force[row] / frames)
-            share = 100.0 * float(extremes.lost[row]) / frames
+            share, end, left = 100.0 * float(extremes.lost[row]) / frames, extremes.last_force[row], extremes.left[row]
+            until = float(end), "" if isnan(left) else f"has left its wire at {left:.2f} s"
             found = [
-                figure("pantograph_force", subject, "mean", mean, last),
-                figure("pantograph_force", subject, "standard deviation", deviation, last),
+                figure("pantograph_force", subject, "mean", mean, *until),
+                figure("pantograph_force", subject, "standard deviation", deviation, *until),
                 extreme("pantograph_force", subject, "highest", extremes.pantograph_force[row], "x"),
                 extreme("pantograph_force", subject, "lowest", extremes.lowest_pantograph_force[row], "x"),
-                figure("contact_loss", subject, "mean", share, last),
+                figure("contact_loss", subject, "mean", share, *until),
             ]
             yield from (replace(one, band=UNFILTERED) for one in found)
         rides_tracks = scenario.carriers is not None and scenario.carriers.tracks
@@ -449,7 +450,7 @@ class KeyFigures:
             most, longest = worst_of(extremes.pull, range(len(names)), "highest"), int(np.argmax(extremes.slack))
             yield replace(extreme("connector_force", subject, "highest", extremes.pull[most]), place=names[most])
             slack = float(extremes.slack[longest])
-            yield figure("connector_slack", subject, "highest", slack, last, names[longest])
+            yield figure("connector_slack", subject, "highest", slack, self._last, names[longest])
 
     def _of_passing(self) -> Iterator[KeyFigure]:
         """Least clearance in the run of each two carriages, or carriages and carriers, that came near each other."""

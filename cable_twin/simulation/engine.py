@@ -47,6 +47,7 @@ from cable_twin.simulation.rope_couplings import (
     let_clamps_hold,
     note_clamps,
     observe_clamps,
+    observe_pantographs,
 )
 from cable_twin.simulation.ropeway import Ropeway, of_rope
 from cable_twin.simulation.same_model import check_same_meshes, check_same_parts, check_same_structure, sharing
@@ -389,10 +390,7 @@ class Engine:
             bundle, *_, system, state, _ = self._ropes.arguments
             connector_forces(bundle, system, state, self.parts[0].system.cable.gravity, self._forces)
             columns.connector_force[self._rows] = self._forces
-        columns.pantograph_force[:] = moving.contact_force
-        columns.pantograph_speed[:] = moving.place.velocity
-        columns.pantograph_position[:, 0] = moving.place.position
-        columns.pantograph_position[:, 2] = moving.stages.position[:, 0]
+        observe_pantographs(self.parts, self.bundle.pantographs, moving, columns)
         self.loop.observe(columns)
 
     def acting(self) -> bytes:

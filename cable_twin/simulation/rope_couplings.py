@@ -1,4 +1,4 @@
-"""Clamps of carriages and connectors, which join two ropes: initial state, checks and readout."""
+"""Clamps of carriages, connectors between ropes, and pantographs: initial state, checks and readout."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from cable_twin.mechanics.parameters import FREE, FloatArray
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.readout.samples import places_on, sample_positions
-from cable_twin.mechanics.solution.bundle.records import BundleState, Clamps
+from cable_twin.mechanics.solution.bundle.records import BundleState, Clamps, Pantographs
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.bundle import clamped
@@ -94,6 +94,17 @@ def observe_clamps(parts: list[Ropeway], clamps: Clamps, moving: BundleState, co
             _leave_out_rails(parts[int(clamps.rope[clamp])], float(moving.rail_mass[clamp]), row, columns)
 
 
+def observe_pantographs(parts: list[Ropeway], pantographs: Pantographs, moving: BundleState, columns: Columns) -> None:
+    """Fill a snapshot's columns of pantographs: force NaN past an end of the rope, speed and place of the head."""
+    for row, rope in enumerate(pantographs.rope.tolist()):
+        start, end = parts[rope].state.nodes.position[[0, -1], 0, 0].tolist()
+        under = min(start, end) < moving.place.position[row] < max(start, end)
+        columns.pantograph_force[row] = moving.contact_force[row] if under else np.nan
+    columns.pantograph_speed[:] = moving.place.velocity
+    columns.pantograph_position[:, 0] = moving.place.position
+    columns.pantograph_position[:, 2] = moving.stages.position[:, 0]
+
+
 def _leave_out_rails(track: Ropeway, mass: float, row: int, columns: Columns) -> None:
     """Subtract the weight of the carriage `mass` (kg) carried by station rails from the pull of its clamp."""
     place, carried = float(columns.arc_length[row]), mass * track.scenario.gravity
@@ -111,4 +122,11 @@ def _position(part: Ropeway, place: float) -> FloatArray:
     return found[0] if part.scenario.dim == 3 else found[0, ::2]
 
 
-__all__ = ["along_track", "check_connectors", "let_clamps_hold", "note_clamps", "observe_clamps"]
+__all__ = [
+    "along_track",
+    "check_connectors",
+    "let_clamps_hold",
+    "note_clamps",
+    "observe_clamps",
+    "observe_pantographs",
+]

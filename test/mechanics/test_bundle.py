@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from systems import dense_matrix, difference, disturbed_state, from_nodal_vectors, make_system, nodal_vectors
 
+from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.bundle.connector import add_connectors
@@ -304,16 +305,18 @@ def test_strings_that_swing_together_keep_their_frequency_and_energy():
     assert simulation.energy().total == pytest.approx(before, abs=1e-6 * 0.02**2 * LENGTH)
 
 
+PANTOGRAPH = {
+    "rope": "lower",
+    "position": 12.0,
+    "speed": 10.0,
+    "uplift_force": 60.0,
+    "stages": [{"mass": 7.0, "stiffness": 4e3, "damping": 10.0}, {"mass": 15.0, "stiffness": 50.0}],
+}
+
+
 def test_state_goes_through_a_file_to_the_last_bit(tmp_path):
     """State of couplings, pantographs included, after a file and after a reset."""
-    pantograph = {
-        "rope": "lower",
-        "position": 12.0,
-        "speed": 10.0,
-        "uplift_force": 60.0,
-        "stages": [{"mass": 7.0, "stiffness": 4e3, "damping": 10.0}, {"mass": 15.0, "stiffness": 50.0}],
-    }
-    simulation = strings(rods=[(MIDDLE, {"length": 0.99})], gravity=9.81, pantographs={"head": pantograph})
+    simulation = strings(rods=[(MIDDLE, {"length": 0.99})], gravity=9.81, pantographs={"head": PANTOGRAPH})
     start = simulation.snapshot
     assert start.pantographs["head"].contact_force == pytest.approx(60.0, abs=50.0)
     simulation.advance_to(0.4)
@@ -323,6 +326,30 @@ def test_state_goes_through_a_file_to_the_last_bit(tmp_path):
     np.testing.assert_array_equal(later.numbers, again.numbers)
     assert later.pantographs["head"].position[0] == pytest.approx(20.0)
     assert simulation.advance_to(3.0).pantographs["head"].position[0] == pytest.approx(42.0)
-    assert simulation.snapshot.pantographs["head"].contact_force == 0.0  # past the end of its rope
     simulation.reset()
     np.testing.assert_array_equal(simulation.snapshot.numbers[1:], start.numbers[1:])
+
+
+def test_figures_of_a_pantograph_end_with_its_rope():
+    """No loss of contact past an end, where the force is NaN, and no other mean."""
+    simulation = strings(rods=[(MIDDLE, {"length": 0.99})], gravity=9.81, pantographs={"head": PANTOGRAPH})
+    figures = KeyFigures(simulation.scenario)
+    for number in range(28):
+        figures.update(simulation.advance_to(0.1 * number))
+    under, past = named(figures), simulation.advance_to(2.81)
+    assert under["head: contact force, mean"].place == ""
+    assert under["head: contact force, mean"].value > 30.0
+    assert np.isnan(past.pantographs["head"].contact_force)
+    assert past.pantographs["head"].position[0] > LENGTH
+    figures.update(past)
+    figures.update(simulation.advance_to(3.0))
+    later = named(figures)
+    for name in (one for one in later if one.startswith("head: ")):
+        assert later[name].value == under[name].value
+    for name in ("contact force, mean", "contact force, standard deviation", "loss of contact, share of the time"):
+        assert later[f"head: {name}"].place == "has left its wire at 2.81 s"
+        assert later[f"head: {name}"].time == pytest.approx(2.7)
+
+
+def named(figures):
+    return {one.name: one for one in figures.figures()}

@@ -118,7 +118,7 @@ class Columns(NamedTuple):
     sheave_slip: Annotated[FloatArray, Of("sheaves", unit="m")]  # of the rim ahead of the rope
     sheave_rolled_back: Annotated[FloatArray, Of("sheaves")]  # 1 where a rollback has stopped the lift, else 0
     connector_force: Annotated[FloatArray, Of("connectors", unit="N")]  # pull of a connector between ropes
-    pantograph_force: Annotated[FloatArray, Of("pantographs", unit="N")]  # upwards on the rope
+    pantograph_force: Annotated[FloatArray, Of("pantographs", unit="N")]  # upwards on the rope; NaN past an end of it
     pantograph_position: Annotated[FloatArray, Of("pantographs", 3, unit="m")]  # of the head
     pantograph_speed: Annotated[FloatArray, Of("pantographs", unit="m/s")]  # along the track
 
