@@ -314,11 +314,19 @@ def test_amplification_is_over_the_tension_of_the_first_snapshot():
 
 
 def test_an_amplification_since_a_snapshot_says_so():
-    figures = KeyFigures(scenario())
-    for moment, tension in ((40.0, 1.0e6), (41.0, 1.1e6)):
-        figures.update(snapshot(moment, tension=tension))
-    found = gathered(figures)["dynamic amplification, tension over that at the start"]
-    assert found.place == "arc length 1000.0 m, over that at 40.00 s, where the run begins"
+    """It is not judged, unless the tension at rest is known."""
+    limited, found = scenario(limits__dynamic_amplification=1.2), []
+    for rest in (None, snapshot(0.0, tension=0.9e6)):
+        figures = KeyFigures(limited, rest)
+        for moment, tension in ((40.0, 1.0e6), (41.0, 1.1e6)):
+            figures.update(snapshot(moment, tension=tension))
+        found.append(gathered(figures)["dynamic amplification, tension over that at the start"])
+        told = [one.told() for one in not_judged(limited, figures.figures())]
+        why = "the run begins in motion, and its tension at rest is not known"
+        assert (f"not judged: limits.dynamic_amplification: {why}" in told) == (rest is None)
+    assert found[0].place == "arc length 1000.0 m, over that at 40.00 s, where the run begins"
+    assert [one.kept for one in found] == [None, False]
+    assert (found[1].value, found[1].place) == (pytest.approx(1.1 / 0.9), "arc length 1000.0 m")
 
 
 def test_sag_of_each_span_is_below_its_own_chord():

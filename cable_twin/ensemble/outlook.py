@@ -66,6 +66,7 @@ class Forecaster:
                 raise ValueError(f"outlook: {name}: given {value!r} s; allowed: more than 0 to {LONGEST:g} s")
         self.horizon, self._look, self._scenario = horizon, look, scenario
         self._ensemble = Ensemble(scenario, len(NAMES), samples=samples, threads=threads, progress=False)
+        self._rest = self._ensemble.snapshot(0)
 
     def outlook(self, simulation: Simulation, announced: Command | None = None) -> Outlook:
         """Run the futures from the present state of a simulation, which stays as it is.
@@ -81,7 +82,8 @@ class Forecaster:
         begun, now, ensemble = time.perf_counter(), simulation.time, self._ensemble
         commands = self._commands(simulation, announced)
         ensemble.fork(simulation)
-        runs = [_Run(self._scenario, *named) for named in zip(NAMES, (text for _, text in commands), strict=True)]
+        texts = [text for _, text in commands]
+        runs = [_Run(self._scenario, self._rest, *named) for named in zip(NAMES, texts, strict=True)]
         for member, (run, (command, text)) in enumerate(zip(runs, commands, strict=True)):
             run.take(ensemble.snapshot(member))
             if command is not None:
@@ -146,9 +148,9 @@ def _breaks(figure: KeyFigure | None) -> bool:
 class _Run:
     """Future during its run: key figures, tensions over time, and the times from which on limits are not kept."""
 
-    def __init__(self, scenario: Scenario, name: str, assumed: str) -> None:
+    def __init__(self, scenario: Scenario, rest: Snapshot, name: str, assumed: str) -> None:
         self.name, self.assumed, self.fault = name, assumed, ""
-        self.figures = KeyFigures(scenario)
+        self.figures = KeyFigures(scenario, rest)
         self._kept: list[Memory] = []  # extremes at some moments
         self._times: list[float] = []
         self._highest: list[FloatArray] = []

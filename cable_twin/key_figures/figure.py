@@ -12,6 +12,7 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.limits import Bound, limit_row
 
 TOLERANCE = 1e-6  # of a limit, for rounding alone
+REST_UNKNOWN = "the run begins in motion, and its tension at rest is not known"
 
 
 class FigureId(NamedTuple):
@@ -167,20 +168,21 @@ def as_statistic(one: KeyFigure, statistic: str) -> KeyFigure:
 
 
 class NotJudged(NamedTuple):
-    """Limit that judges no key figure of a run: its key in `limits`, and the scenario key that is missing for it."""
+    """Limit that judges no key figure of a run: its key in `limits`, the scenario key that is missing, else why."""
 
     limit: str
     missing: str = ""
+    reason: str = "the run has no such key figure"
 
     def told(self, say: Callable[[str], str] = str) -> str:
         """Text of the limit and the reason why it judges nothing; `say` translates its words."""
-        reason = f"{self.missing} {say('is not given')}" if self.missing else say("the run has no such key figure")
+        reason = f"{self.missing} {say('is not given')}" if self.missing else say(self.reason)
         return f"{say('not judged')}: limits.{self.limit}: {reason}"
 
 
 def not_judged(scenario: Scenario, figures: Iterable[KeyFigure]) -> list[NotJudged]:
     """Limits by which no key figure of a run is judged: safety factors of ropes, and others unlike their default."""
-    found = []
+    found, figures = [], list(figures)
     for name, cable in scenario.cables.items():
         if limit_of(scenario.of_rope(name), "rope_safety_factor")[0] and cable.breaking_force is None:
             found.append(NotJudged("rope_safety_factor", f"{scenario.rope_key(name)}.breaking_force"))
@@ -191,7 +193,11 @@ def not_judged(scenario: Scenario, figures: Iterable[KeyFigure]) -> list[NotJudg
     known = {row.limit for row in QUANTITIES.values() if row.limit} - {"rope_safety_factor"}
     # by value, as a recorded scenario has all keys
     given = {key for key in known if getattr(scenario.limits, key) not in (None, 0.0, limit_row(key).default)}
-    return found + [NotJudged(key) for key in sorted(given - judged)]
+    started_later = {one.id.quantity for one in figures if one.limit is None} & {"dynamic_amplification"}
+    return found + [
+        NotJudged(key, reason=REST_UNKNOWN) if key in started_later else NotJudged(key)
+        for key in sorted(given - judged)
+    ]
 
 
 def values_of(figure: KeyFigure) -> dict[str, str]:

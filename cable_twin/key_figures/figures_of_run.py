@@ -64,13 +64,17 @@ class KeyFigures:
 
     Args:
         scenario: scenario of the run; figures are compared with its `limits` and the limits of its drives.
+        rest: snapshot at rest, over whose tension the dynamic amplification is; None for the first one of the run.
+            Where that is later than time zero, the amplification is not judged.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, rest: Snapshot | None = None) -> None:
         self._scenario, self._ropes, self._rope_names = scenario, ropes_of(scenario), list(scenario.cables)
         self._vehicles, self._supports = list(scenario.vehicles), supports_of(scenario)
         self._drives, self._sheaves = list(scenario.drives), list(scenario.sheaves)
-        self._extremes = no_extremes(scenario)
+        self._extremes, self._rest_known = no_extremes(scenario), rest is not None
+        if rest is not None:
+            self._extremes.first_tension[:] = rest.columns.highest_tension[:, 0]
         self._layout: Layout | None = None  # of the frames so far
         self._next_look = -inf  # s, at which clearances are due
         in_space = scenario.dim == 3
@@ -217,10 +221,11 @@ class KeyFigures:
             yield one.limited_by(scenario)
         if first > 0.0:
             ratio = highest.value / float(first)
-            since = f"over that at {self._first:.2f} s, where the run begins" if self._first > 0.0 else ""
+            begun = self._first > 0.0 and not self._rest_known
+            since = f"over that at {self._first:.2f} s, where the run begins" if begun else ""
             place = ", ".join(filter(None, (highest.place, since)))
             one = figure("dynamic_amplification", subject, "highest", ratio, reached, place)
-            yield one.limited_by(scenario)
+            yield one if begun else one.limited_by(scenario)
         spans = list(pairwise(["start", *scenario.towers, "end"]))
         for number, (start, end) in enumerate(spans, self._constants.first_support[rope]):
             span = self._rope(rope, f".{start}+{end}")

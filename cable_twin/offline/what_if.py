@@ -17,6 +17,7 @@ from rich.console import Console
 
 from cable_twin import Ensemble
 from cable_twin.frame.records import CommandError
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.reading import Reading
@@ -71,6 +72,7 @@ class Branch:
     simulation: Simulation
     script: Sequence[ScriptedCommand]
     run: Simulation  # in the state of the recorded run at the branching time
+    rest: Snapshot  # of its scenario
     recorded: Sequence[ScriptedCommand]  # commands of the run from there on
     start: float  # s
     duration: float  # s
@@ -148,7 +150,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"{getattr(error, 'filename', None) or options.output}: {getattr(error, 'strerror', None) or error}",
         )
         return FAILED
-    figures = KeyFigures(branch.simulation.scenario)
+    figures = KeyFigures(branch.simulation.scenario, branch.rest)
     outcome = _run(branch, run, log.epoch_ns, figures, console)
     lines = [f"refused: {line}" for line in outcome.refused] + [
         f"not carried out: {one}" for one in outcome.not_reached
@@ -203,12 +205,13 @@ def _branch(log: Log, options: argparse.Namespace, console: Console) -> Branch:
     duration = _duration(log, start, period, options.duration)
     _repeat(simulation, recorded, start, console)
     run = Simulation(simulation.scenario, samples=int(log.metadata["sample_count"]), on_demand=True)
+    rest = run.snapshot
     run.restore(simulation.capture())
     if source:
         simulation = _changed(simulation, scenario, log, source)
     if script and (faults := check_script(simulation.scenario, script, stopped=simulation.emergency_stopped)):
         raise ScriptError("\n".join(faults))
-    return Branch(simulation, later, run, recorded_later, start, duration, frame_steps)
+    return Branch(simulation, later, run, rest, recorded_later, start, duration, frame_steps)
 
 
 def _duration(log: Log, start: float, period: float, given: float | None) -> float:
@@ -310,7 +313,7 @@ def _figures_of_run(branch: Branch, log: Log, console: Console) -> list[KeyFigur
     Raises:
         LogError: the run cannot be repeated.
     """
-    figures, left = KeyFigures(branch.run.scenario), log.end - branch.start
+    figures, left = KeyFigures(branch.run.scenario, branch.rest), log.end - branch.start
     period = branch.frame_steps * branch.run.step
     duration = min(branch.duration, math.floor(left / period + 1e-6) * period)
     with run_progress(console, branch.start, max(duration, period)) as show:
