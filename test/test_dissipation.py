@@ -6,6 +6,8 @@ import re
 import numpy as np
 import pytest
 
+from cable_twin.frame.records import SolverReport
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import QUANTITIES, KeyFigures
 from cable_twin.mechanics.solution.dissipation import numerical_loss, trapezoidal_error
 from cable_twin.mechanics.solution.prediction import coefficients
@@ -83,6 +85,18 @@ def test_a_slack_cable_on_long_steps_is_told_with_its_cause():
     assert lost.verdict == "not kept"
     assert lost.value > 0.01
     assert "tension waves pass 3.2 elements in a step: lower solver.step" in lost.place
+
+
+def test_energy_that_is_gained_is_not_kept_and_told_as_gained():
+    scenario = load_scenario("single_span")
+    figures, frame = KeyFigures(scenario), Simulation(scenario).snapshot
+    for number in range(4):
+        gain = SolverReport(5000, 5000, 0, 0.0, energy_lost=-4e3, energy_moved=2e5)
+        figures.update(Snapshot(frame.layout, np.append(5.0 * number, frame.numbers[1:]), gain))
+    (found,) = [one for one in figures.figures() if one.name == ENERGY_LOST]
+    assert found.value == pytest.approx(0.04)
+    assert found.verdict == "not kept"
+    assert found.place.startswith("gained, not lost: 4 kJ of 100 kJ from 0.0 s on; the motion is not physical")
 
 
 def test_the_advice_mends_it():

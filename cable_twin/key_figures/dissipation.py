@@ -1,4 +1,4 @@
-"""Numerical dissipation: energy lost by the integrator over energy moved, judged in whole blocks of time."""
+"""Numerical dissipation: energy lost or gained by the integrator over energy moved, judged in whole blocks of time."""
 
 from __future__ import annotations
 
@@ -14,24 +14,35 @@ from cable_twin.scenario import Grading, Scenario
 BLOCK = 5.0  # s of simulated time, over which losses are summed
 SIGNIFICANT = 0.02  # share of the largest energy moved in a block; blocks below it are the end of a motion
 QUIET = 0.01  # m/s of all mass, up to which it counts as standing still
+GAINS = "the motion is not physical: lower solver.step, shorten elements, or let cable.elastic_model be continuum"
 
 
 class Block(NamedTuple):
     """Numerical energy loss and exchanged kinetic energy in one block of time."""
 
-    lost: float  # J
+    lost: float  # J, below 0 where energy is gained
     moved: float  # J
     start: float  # s
     end: float  # s
 
     @property
     def share(self) -> float:
-        """Relative energy loss of a block of time: energy lost over energy moved, at least 0."""
-        return max(self.lost, 0.0) / self.moved
+        """Relative energy error of a block of time: energy lost or gained over energy moved."""
+        return abs(self.lost) / self.moved
+
+    @property
+    def gained(self) -> bool:
+        """Whether energy is gained, as from elements that are too long for their curvature."""
+        return self.lost < 0.0
+
+    def __str__(self) -> str:
+        """Energy lost or gained, and moved, as text."""
+        amount = f"{with_unit(abs(self.lost), 'J', 3)} of {with_unit(self.moved, 'J', 3)}"
+        return f"gained, not lost: {amount}" if self.gained else amount
 
 
 class Dissipation:
-    """Numerical dissipation of a run: energy lost per change of kinetic energy, highest value of all blocks of 5 s.
+    """Numerical dissipation of a run: energy lost or gained per change of kinetic energy, highest of all blocks of 5 s.
 
     A shock loses its energy at once, before the motion that follows it. So a block is judged 10 s after its start, when
     the next block is complete, against the larger energy moved in either block. A judged block is not judged again, so
@@ -64,7 +75,7 @@ class Dissipation:
             self._lost, self._moved, self._start = 0.0, 0.0, time
 
     def _judge(self, block: Block, moved_next: float) -> None:
-        """Store a block with the highest relative loss of the run; `moved_next` (J): energy moved in the next block."""
+        """Store a block with the highest relative error of the run; `moved_next` (J): energy moved in the next block."""
         self._judged = True
         block = block._replace(moved=max(block.moved, moved_next))
         self._most = max(self._most, block.moved)
@@ -74,7 +85,7 @@ class Dissipation:
             self._worst = block
 
     def figure(self, time: float) -> KeyFigure:
-        """Highest relative energy loss with its limit; before 10 s have passed, the loss so far without a limit.
+        """Highest relative energy error with its limit; before 10 s have passed, that so far without a limit.
 
         Args:
             time: now, s.
@@ -86,18 +97,19 @@ class Dissipation:
             return self._so_far(time)
         if self._worst is None:
             return _energy_lost(nan, time)
-        lost, moved, start, end = self._worst
-        place = f"{with_unit(lost, 'J', 3)} of {with_unit(moved, 'J', 3)} from {start:.1f} s on"
-        found = _energy_lost(self._worst.share, end, place).limited_by(self._scenario)
-        return replace(found, place=f"{place}; {cause(self._scenario)}") if found.kept is False else found
+        worst = self._worst
+        place = f"{worst} from {worst.start:.1f} s on"
+        found = _energy_lost(worst.share, worst.end, place).limited_by(self._scenario)
+        if found.kept is not False:
+            return found
+        return replace(found, place=f"{place}; {GAINS if worst.gained else cause(self._scenario)}")
 
     def _so_far(self, time: float) -> KeyFigure:
         waiting = self._waiting or Block(0.0, 0.0, self._start, time)
         whole = Block(waiting.lost + self._lost, waiting.moved + self._moved, waiting.start, time)
         if not whole.moved >= self._floor:
             return _energy_lost(nan, time)
-        place = f"{with_unit(whole.lost, 'J', 3)} of {with_unit(whole.moved, 'J', 3)}; judged after {2.0 * BLOCK:g} s"
-        return _energy_lost(whole.share, time, place)
+        return _energy_lost(whole.share, time, f"{whole}; judged after {2.0 * BLOCK:g} s")
 
 
 def _energy_lost(share: float, time: float, place: str = "") -> KeyFigure:

@@ -175,7 +175,7 @@ class KeyFigureLimits(Section):
     )
     energy_lost: float | None = limit(
         "-",
-        "largest energy lost by the solver in 5 s, over the kinetic energy exchanged",
+        "largest energy lost or gained by the solver in 5 s, over the kinetic energy exchanged",
         0.005,
         source="assumed: equivalent to a damping ratio of 0.08 %, less than that of the rope itself",
         gt=0,
