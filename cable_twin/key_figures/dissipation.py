@@ -75,7 +75,7 @@ class Dissipation:
             self._lost, self._moved, self._start = 0.0, 0.0, time
 
     def _judge(self, block: Block, moved_next: float) -> None:
-        """Store a block with the highest relative error of the run; `moved_next` (J): energy moved in the next block."""
+        """Store a block with the highest relative error of a run; `moved_next` (J): energy moved in the next block."""
         self._judged = True
         block = block._replace(moved=max(block.moved, moved_next))
         self._most = max(self._most, block.moved)

@@ -114,8 +114,9 @@ TEXTS: Mapping[str, str] = {
     "not judged": "nicht beurteilt",
     "is not given": "ist nicht angegeben",
     "the run has no such key figure": "der Lauf hat keinen solchen Kennwert",
-    "the run begins in motion, and its tension at rest is not known": "der Lauf beginnt in Bewegung, und seine Zugkraft "
-    "in Ruhe ist nicht bekannt",
+    "the run begins in motion, and its tension at rest is not known": (
+        "der Lauf beginnt in Bewegung, und seine Zugkraft in Ruhe ist nicht bekannt"
+    ),
     "authority may allow": "Behörde kann zulassen",
     "does not apply": "trifft nicht zu",
     "do not apply": "treffen nicht zu",
