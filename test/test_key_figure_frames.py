@@ -23,6 +23,7 @@ from prescribed_frames import (
 
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.key_figures import KeyFigures, figure_from_values, values_of
+from cable_twin.mechanics.parameters import FREE, SPEED
 from cable_twin.simulation import Simulation
 
 
@@ -98,6 +99,22 @@ def test_the_clearance_of_the_figures_is_that_of_the_simulation():
         figures.update(simulation.advance_to(0.1 * number))
         lowest = min(lowest, simulation.clearance().vehicles["cabin"].height)
     assert gathered(figures)["cabin: clearance over the terrain"].value == pytest.approx(lowest, abs=1e-12)
+
+
+@pytest.mark.parametrize(("brake", "commanded"), [(False, False), (False, True), (True, False)])
+def test_a_free_carriage_without_a_brake_has_no_stop(brake, commanded):
+    """Its drive was not commanded and an emergency stop leaves it free, as the buffer that it runs into is no brake."""
+    means = {"emergency_stop": ["track_rope_brake"], "track_rope_brake": {"force": 1e4}} if brake else {}
+    figures = KeyFigures(scenario(**{f"carriages__cabin__drive__{key}": value for key, value in means.items()}))
+    for number in range(4):
+        here = snapshot(number * PERIOD, place=100.0 + number * PERIOD * 5.0, speed=5.0)
+        writable(here).command_kind[:] = SPEED if commanded else FREE
+        figures.update(here)
+        if number == 1:
+            figures.command(AppliedCommand(number * PERIOD, Command("emergency_stop", {}), "test"))
+    stops = {one.id.quantity for one in figures.figures() if "stopping" in one.id.quantity}
+    told = {"stopping_distance", "stopping_time", "passenger_stopping_distance"}
+    assert stops == (told if brake or commanded else set())
 
 
 @pytest.mark.parametrize("limit", [None, 0.1 + 0.2])

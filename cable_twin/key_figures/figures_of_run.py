@@ -39,8 +39,9 @@ from cable_twin.key_figures.figure import KeyFigure, Subject, figure, haul_rope_
 from cable_twin.key_figures.stops import CarriedStops, DriveStops, Group, SeatStops, groups_of
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.declared import Memory
-from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.parameters import FREE, FloatArray
 from cable_twin.scenario import Scenario
+from cable_twin.scenario.command_limits import unbraked
 from cable_twin.scenario.sections.drives import Limits
 
 EVERY_STEP = "sampled at every solver step"
@@ -91,7 +92,8 @@ class KeyFigures:
         }
         subjects = driven | {name: Subject(f"drives.{name}", name) for name in self._drives}
         on_bullwheels = {name for name, one in scenario.drives.items() if one.sheave}
-        self._stops = DriveStops(subjects, self._motion, on_bullwheels)
+        self._unbraked = unbraked(scenario)
+        self._stops = DriveStops(subjects, self._motion, self._obeys, on_bullwheels)
         self._carried, self._seats = CarriedStops(scenario), SeatStops(scenario)
         self._dissipation = Dissipation(scenario)
 
@@ -203,6 +205,10 @@ class KeyFigures:
             return float(c.drive_position[index]), float(c.drive_speed[index])
         index = self._vehicles.index(name)
         return float(c.arc_length[index]), float(c.speed[index])
+
+    def _obeys(self, name: str) -> bool:
+        """Whether an emergency stop after the last frame acts on a drive or a driven vehicle."""
+        return name not in self._unbraked or self._columns.command_kind[self._vehicles.index(name)] != FREE
 
     def _rope(self, rope: int, place: str = "") -> Subject:
         """Subject of a rope or a part of a rope, printed with the name of the rope among several."""

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures.figure import KeyFigure, Subject, as_statistic, figure
+from cable_twin.mechanics.parameters import FREE
 from cable_twin.scenario import Scenario
+from cable_twin.scenario.command_limits import unbraked
 from cable_twin.scenario.sections.vehicles import Carriage
 
 BoolArray = NDArray[np.bool_]
@@ -45,6 +47,11 @@ def groups_of(scenario: Scenario) -> list[Group]:
 def is_carried(scenario: Scenario, vehicle: Carriage) -> bool:
     """Whether a vehicle is clamped to a driven rope."""
     return bool(scenario.drives) and (vehicle.joint == "clamped" or bool(vehicle.clamped_to))
+
+
+def coasts(snapshot: Snapshot, row: int) -> bool:
+    """Whether the drive of a carriage, by its row, is free in a frame."""
+    return bool(snapshot.columns.command_kind[row] == FREE)
 
 
 def ordered_stop(applied: AppliedCommand, movers: Set[str]) -> str | None:
@@ -143,13 +150,18 @@ class DriveStops:
     Args:
         subjects: subjects of drives and driven vehicles, by name.
         motion: function of a name that gives place (m) and speed (m/s) in the last frame.
+        obeys: function of a name that gives whether it obeys an emergency stop after the last frame.
         on_bullwheels: names of drives on bullwheels, whose rim moves.
     """
 
     def __init__(
-        self, subjects: dict[str, Subject], motion: Callable[[str], tuple[float, float]], on_bullwheels: Set[str]
+        self,
+        subjects: dict[str, Subject],
+        motion: Callable[[str], tuple[float, float]],
+        obeys: Callable[[str], bool],
+        on_bullwheels: Set[str],
     ) -> None:
-        self._subjects, self._motion, self._on_bullwheels = subjects, motion, on_bullwheels
+        self._subjects, self._motion, self._obeys, self._on_bullwheels = subjects, motion, obeys, on_bullwheels
         self._braking: dict[str, Stop] = {}  # under way
         self._worst = {name: WorstStops() for name in subjects}  # of those that are over
         self._standing: dict[str, float] = {}  # s, of the standstill of what stands after a stop
@@ -178,6 +190,8 @@ class DriveStops:
                 if applied.command.kind != "reset" and delay < self._restarts.get(name, (inf, nan))[0]:
                     self._restarts[name] = delay, applied.time
             elif kind and not isnan(self._time) and (braking is None or (kind == EMERGENCY != braking.kind)):
+                if kind == EMERGENCY and not self._obeys(name):
+                    continue
                 place, speed = self._motion(name)
                 if abs(speed) > SLOWEST:  # the place at the command, shortly after the frame
                     start = place + speed * (applied.time - self._time)
@@ -423,13 +437,16 @@ class SeatStops:
 
     def __init__(self, scenario: Scenario) -> None:
         rows, bodies, offsets, first = [], [], [], 0
-        self._movers = []
+        self._movers, free = [], unbraked(scenario)
+        self._coasting: list[int] = []  # numbers of those that obey no emergency stop while their drive is free
         for row, (name, one) in enumerate(scenario.vehicles.items()):
             if one.bodies:
                 number, offset = _load(one)
                 rows.append(row)
                 bodies.append(first + number)
                 offsets.append(offset)
+                if name in free and not is_carried(scenario, one):
+                    self._coasting.append(len(self._movers))
                 self._movers.append(frozenset(scenario.drives) if is_carried(scenario, one) else frozenset((name,)))
             first += len(one.bodies)
         loads, arms = np.array(bodies, np.intp), np.array(offsets).reshape(-1, 3)
@@ -458,10 +475,12 @@ class SeatStops:
             kind = ordered_stop(applied, movers)
             if kind == NO_STOP:
                 self._over[number], self._stands[number] = True, False
-            elif kind and self._travel.last is not None:
+            elif kind and (last := self._travel.last) is not None:
+                if kind == EMERGENCY and number in self._coasting and coasts(last, int(self._travel.vehicles[number])):
+                    continue
                 again = self._stands[number] and kind in (STOP, self._kinds[number])
                 if not again:
-                    self._begin(number, kind, applied.time, self._travel.last)
+                    self._begin(number, kind, applied.time, last)
 
     def figures(self) -> Iterator[KeyFigure]:
         """Yield the passenger's stopping distance of each carriage, and of the carrier whose load went farthest."""

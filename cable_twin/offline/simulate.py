@@ -22,6 +22,7 @@ from rich.text import Text
 from cable_twin.basics.units import counted
 from cable_twin.key_figures import KeyFigure, KeyFigures, compile_figures, not_judged
 from cable_twin.key_figures.rules import judge, profiles_of
+from cable_twin.mechanics.parameters import FREE
 from cable_twin.messages import nanoseconds
 from cable_twin.messages.figure_messages import describe
 from cable_twin.offline.check import checked
@@ -44,6 +45,7 @@ from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario.command_limits import unbraked
 from cable_twin.scenario.reference import Entry, explained
 from cable_twin.scenario.schema import Solver
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
@@ -163,6 +165,8 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
         raise ScriptError("\n".join(faults))
     if faults and len(faults) == len(ahead):
         raise ScriptError(f"{faults[0]} (and so for all {len(ahead)} commands of the bag)")
+    if _unheard_stop(simulation, ahead):
+        tell("simulate", "emergency_stop: nothing obeys it: the drives are free, and have no brake in an emergency stop")
     duration = _duration(options.duration, script, log, simulation.time)
     frame_steps = max(round(1.0 / (options.frame_rate * simulation.step)), 1)
     rate = 1.0 / (frame_steps * simulation.step)
@@ -178,6 +182,15 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
     if round(duration / simulation.step) == 0:
         raise OptionError(f"--duration: given {duration:g} s; allowed: a solver step of {simulation.step:g} s or more")
     return Plan(simulation, script, duration, frame_steps, rates, splitting)
+
+
+def _unheard_stop(simulation: Simulation, ahead: Sequence[ScriptedCommand]) -> bool:
+    """Whether a script has an emergency stop that no drive or brake obeys: all drives are free up to then."""
+    scenario, kinds = simulation.scenario, [one.command.kind for one in ahead]
+    if "emergency_stop" not in kinds or scenario.drives or unbraked(scenario) != scenario.carriages.keys():
+        return False
+    driven = bool((simulation.snapshot.columns.command_kind > FREE).any())
+    return not driven and not {"speed", "force"} & set(kinds[: kinds.index("emergency_stop")])
 
 
 def _run(

@@ -114,6 +114,14 @@ def most_by_drive(scenario: Scenario, name: str) -> float:
     return min(by_friction, _or_none(drive.limits.force))
 
 
+def unbraked(scenario: Scenario) -> frozenset[str]:
+    """Names of carriages without a brake in an emergency stop, which coast on in one while their drive is free."""
+    drives = {name: one.drive for name, one in scenario.carriages.items()}
+    return frozenset(
+        name for name, drive in drives.items() if not any(getattr(drive, means, None) for means in drive.emergency_stop)
+    )
+
+
 def _or_none(limit: float | None) -> float:
     return inf if limit is None else limit
 
