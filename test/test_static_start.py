@@ -100,6 +100,18 @@ def test_a_slack_rope_in_too_few_frames_is_told(space):
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_frames_that_a_vehicle_bends_are_told():
+    """The turn of `single_span` under its cabin of 12 t, which is taut, so that its own weight hardly bends it."""
+    frames = {"cable.elastic_model": "element_frame"}
+    with pytest.warns(UserWarning, match="element_frame: the rope turns by .* rad within .* elastic_model continuum"):
+        Simulation(load_scenario("single_span", frames), on_demand=True)
+    with pytest.raises(
+        EquilibriumError, match=r"haul_rope: given one that would have to push .* elastic_model continuum"
+    ):
+        Simulation(load_scenario("aerial_tramway", frames), on_demand=True)
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
 @pytest.mark.parametrize("name", ["chairlift", "aerial_tramway"])
 def test_a_rest_that_is_found_nearby_is_the_one_from_scratch(name, monkeypatch):
     """Of the same mesh to rounding, of another one to the last bit; and the base is found again after it."""

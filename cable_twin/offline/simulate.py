@@ -166,7 +166,9 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
     if faults and len(faults) == len(ahead):
         raise ScriptError(f"{faults[0]} (and so for all {len(ahead)} commands of the bag)")
     if _unheard_stop(simulation, ahead):
-        tell("simulate", "emergency_stop: nothing obeys it: the drives are free, and have no brake in an emergency stop")
+        tell(
+            "simulate", "emergency_stop: nothing obeys it: the drives are free, and have no brake in an emergency stop"
+        )
     duration = _duration(options.duration, script, log, simulation.time)
     frame_steps = max(round(1.0 / (options.frame_rate * simulation.step)), 1)
     rate = 1.0 / (frame_steps * simulation.step)

@@ -7,13 +7,14 @@ A rope without bending stiffness under compression is in an unstable equilibrium
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from math import ceil, inf, log, pi, sqrt
 
 import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import CableSamples
-from cable_twin.mechanics.parameters import ELEMENT_FRAME, System
+from cable_twin.mechanics.parameters import ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.vehicles import Carriage, CarrierKind
@@ -82,18 +83,24 @@ def warn_of_units(scenario: Scenario) -> None:
         warnings.warn(line, stacklevel=3)
 
 
-def warn_of_frames(system: System, rope: CableSamples) -> None:
+def warn_of_frames(system: System, rope: CableSamples, nodes: FloatArray) -> None:
     """Warn of elements so curved relative to their chord frame that spurious strain is not small against the tension.
 
-    An element that turns by φ = w l / T over its length l, under its weight w, has slopes up to φ/2 aside of its chord,
-    which shortens them there by φ²/24 on average: EA φ²/24 beside T.
+    An element that turns by φ over its length l has slopes up to φ/2 aside of its chord, which shortens them there by
+    φ²/24 on average: EA φ²/24 beside T. Under its weight w, φ = w l / T. A load of a vehicle or tower turns its element
+    by load over T, however short that is, and slopes that strain gives way to may turn by radians, as at ends.
+
+    Args:
+        system: of the rope.
+        rope: at rest.
+        nodes: (n, 2, dim) positions in m and slopes of its nodes there.
     """
     cable = system.cable
-    tension = float(np.abs(rope.tensions).min())
+    tension = max(float(np.abs(rope.tensions).min()), 1e-9)
     weight = cable.mass_per_length * float(np.linalg.norm(cable.gravity))
     if cable.elastic_model != ELEMENT_FRAME or weight == 0.0:
         return
-    longest = (24.0 * SHARE * max(tension, 1e-9) ** 3 / cable.axial_stiffness) ** 0.5 / weight
+    longest = (24.0 * SHARE * tension**3 / cable.axial_stiffness) ** 0.5 / weight
     if float(cable.element_length.max()) > longest:
         warnings.warn(
             f"cable.elastic_model element_frame on a slack rope (least tension {with_unit(tension, 'N', 3)}): "
@@ -103,6 +110,24 @@ def warn_of_frames(system: System, rope: CableSamples) -> None:
             f"off by metres; elements up to {with_unit(longest, 'm', 2)}, or elastic_model continuum, prevent that",
             stacklevel=3,
         )
+        return
+    slopes = nodes[:, 1] / np.linalg.norm(nodes[:, 1], axis=1, keepdims=True)
+    turn = float(np.arccos(np.clip(np.sum(slopes[1:] * slopes[:-1], axis=1), -1.0, 1.0)).max())
+    if (strain := turn**2 / 24.0) * cable.axial_stiffness > SHARE * tension:
+        warnings.warn(
+            f"cable.elastic_model element_frame: the rope turns by {turn:.2g} rad within an element, as under a vehicle, at "
+            f"a tower or an end, which strains it by {with_unit(strain * cable.axial_stiffness, 'N', 2)} beside a least "
+            f"tension of {with_unit(tension, 'N', 3)}: sag, clearance and forces there may be wrong by multiples; "
+            "elastic_model continuum prevents that, shorter elements only lessen it",
+            stacklevel=3,
+        )
+
+
+def with_frames_told(error: EquilibriumError, systems: Iterable[System]) -> EquilibriumError:
+    """Error of an equilibrium that is not found, with the advice on elements in frames where a rope has them."""
+    if not any(system.cable.elastic_model == ELEMENT_FRAME for system in systems):
+        return error
+    return EquilibriumError(f"{error}; first of all, elastic_model continuum: element_frame bends badly under vehicles")
 
 
 def warn_of_mesh(scenario: Scenario, system: System) -> None:

@@ -46,6 +46,7 @@ from cable_twin.simulation.start_checks import (
     warn_of_saddles,
     warn_of_swings,
     warn_of_units,
+    with_frames_told,
 )
 from cable_twin.simulation.vehicle_contacts import VehicleContacts
 
@@ -171,13 +172,16 @@ class Simulation(Queries):
         scenario = self.scenario
         expect_kernels(self._engine)
         with compiling_ahead(scenario, self._engine):
-            self._engine.find_rest(near)
+            try:
+                self._engine.find_rest(near)
+            except EquilibriumError as error:
+                raise with_frames_told(error, (part.system for part in self._parts)) from None
             # compiles what reads the state, while the other process is still at it
             first = self._observer.snapshot(0.0, NOTHING_DONE)
             warn_of_units(scenario)
             for part, rope in zip(self._parts, first.ropes.values(), strict=True):
                 check_pressure(part.system, rope)
-                warn_of_frames(part.system, rope)
+                warn_of_frames(part.system, rope, part.state.nodes.position)
                 warn_of_mesh(part.scenario, part.system)
                 warn_of_saddles(part.scenario, rope)
                 warn_of_swings(part.scenario)
