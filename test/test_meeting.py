@@ -97,7 +97,7 @@ def test_points_without_size_may_pass(up):
 
 def test_cabins_that_start_within_each_other_are_refused():
     with pytest.raises(
-        EquilibriumError, match=r"^carriages.up.arc_length: given 39.0 m, too near to 'down' at 38.5 m; .* 2 m"
+        EquilibriumError, match=r"^carriages.up.arc_length: given 39 m, too near to 'down' at 38.5 m; .* 2 m"
     ):
         Simulation(two_cabins(up=39.0, down=38.5))
 

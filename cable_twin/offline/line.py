@@ -31,10 +31,10 @@ DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES = 40
 EPILOG = """\
 The static equilibrium of the whole line, with its loads, wind and ice, is calculated for N places of the vehicle, from
-one end of its track to the other. The carriers of a moving cable are advanced over one spacing; vehicles on a common
-haul rope are moved together, over the travel of its drive. In space, places at which vehicles pass masts or each other
-are added. The table gives the highest and lowest values with the place
-of the vehicle and the limits of the scenario. Loads of supports are forces of the cable on the support, by component.
+one end of its track, or another vehicle on it, to the other. The carriers of a moving cable are advanced over one
+spacing; vehicles on a common haul rope are moved together, over the travel of its drive. In space, places at which
+vehicles pass masts or each other are added. The table gives the highest and lowest values with the place of the
+vehicle and the limits of the scenario. Loads of supports are forces of the cable on the support, by component.
 
 exit codes: 0 done, 1 no equilibrium at a place or a file cannot be written, 2 wrong scenario or option
 

@@ -115,10 +115,10 @@ def warn_of_frames(system: System, rope: CableSamples, nodes: FloatArray) -> Non
     turn = float(np.arccos(np.clip(np.sum(slopes[1:] * slopes[:-1], axis=1), -1.0, 1.0)).max())
     if (strain := turn**2 / 24.0) * cable.axial_stiffness > SHARE * tension:
         warnings.warn(
-            f"cable.elastic_model element_frame: the rope turns by {turn:.2g} rad within an element, as under a vehicle, at "
-            f"a tower or an end, which strains it by {with_unit(strain * cable.axial_stiffness, 'N', 2)} beside a least "
-            f"tension of {with_unit(tension, 'N', 3)}: sag, clearance and forces there may be wrong by multiples; "
-            "elastic_model continuum prevents that, shorter elements only lessen it",
+            f"cable.elastic_model element_frame: the rope turns by {turn:.2g} rad within an element, as under a "
+            f"vehicle, at a tower or an end, which strains it by {with_unit(strain * cable.axial_stiffness, 'N', 2)} "
+            f"beside a least tension of {with_unit(tension, 'N', 3)}: sag, clearance and forces there may be wrong by "
+            "multiples; elastic_model continuum prevents that, shorter elements only lessen it",
             stacklevel=3,
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario, vehicle_buffer
 from cable_twin.scenario.builders.outlines import reach_along
+
+ROUNDING = 1e-6  # m, more than two vehicles that touch are apart
 
 
 class Pair(NamedTuple):
@@ -50,8 +53,8 @@ class VehicleContacts:
         for before, after, room, *_ in pairs:
             if places[after] - places[before] < room:
                 raise EquilibriumError(
-                    f"carriages.{names[after]}.arc_length: given {places[after]!r} m, too near to "
-                    f"'{names[before]}' at {places[before]!r} m; allowed: at least {with_unit(room, 'm', 3)} apart"
+                    f"carriages.{names[after]}.arc_length: given {places[after]:.7g} m, too near to "
+                    f"'{names[before]}' at {places[before]:.7g} m; allowed: at least {with_unit(room, 'm', 3)} apart"
                 )
 
     @property
@@ -72,6 +75,19 @@ class VehicleContacts:
                 "limits.force (N), or buffers.stiffness (N/m) that holds them apart"
             )
         return ""
+
+
+def places_between(scenario: Scenario, name: str) -> tuple[float, float]:
+    """Lowest and highest arc length (m) of a vehicle between those beside it on its rope; infinite without any."""
+    alone = scenario.of_rope(scenario.rope_of(scenario.vehicles[name]))
+    row, vehicles = list(alone.vehicles).index(name), list(alone.vehicles.values())
+    low, high = -inf, inf
+    for before, after, room, *_ in _pairs(alone):
+        if after == row:
+            low = max(low, vehicles[before].arc_length + room + ROUNDING)
+        elif before == row:
+            high = min(high, vehicles[after].arc_length - room - ROUNDING)
+    return low, high
 
 
 def with_buffers(system: System, scenario: Scenario) -> System:

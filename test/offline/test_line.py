@@ -49,6 +49,17 @@ SPAN = {  # a level span, pinned at both ends
 }
 
 
+def test_a_vehicle_goes_up_to_another_one_on_its_rope():
+    """It cannot pass it, and a line at its places next to the other one is found."""
+    size = {"size": [4.0, 2.0], "mass": 100.0, "inertia": 1.0, "upper_pivot": [0.0, 0.0]}
+    cars = {name: {"arc_length": at, "bodies": {"car": size}} for name, at in (("car", 100.0), ("other", 250.0))}
+    both = load_scenario({**SPAN, "carriages": cars})
+    line = plan_line(both, 2, None)
+    assert line.places == pytest.approx([0.005 * 400.4, 250.0 - 4.0], abs=1e-4)
+    calculate(line)
+    assert plan_line(both, 2, "other").places == pytest.approx([104.0, 0.995 * 400.4], abs=1e-4)
+
+
 def test_a_load_on_a_light_rope_makes_a_triangle():
     """Vertical end forces as of a beam; pull along the track from weight over sag."""
     line = plan_line(load_scenario(SPAN), 9, None)

@@ -11,9 +11,10 @@ from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Columns, Snapshot
 from cable_twin.key_figures import QUANTITIES, KeyFigure, KeyFigures, figure, supports_of
 from cable_twin.offline.lines.passings import Passings
-from cable_twin.scenario import Scenario, build_system, load_scenario
-from cable_twin.scenario.command_limits import sense_of, travel_between_stops
+from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario.command_limits import places_of, sense_of, travel_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.simulation.vehicle_contacts import places_between
 
 MOST = 2000  # places of a vehicle
 # quantities of motion, absent from a static line
@@ -80,8 +81,8 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
         ]
         allowed = ", ".join(filter(None, [*movable, *others]))
         raise ValueError(f"--vehicle: given {name!r}; allowed: {allowed or 'none, the scenario has none'}")
-    stroke = float(build_system(scenario).carriages.stop_stroke[list(scenario.vehicles).index(name)])
-    return Line(scenario, name, np.linspace(stroke, scenario.cable.unstrained_length - stroke, count))
+    between, track = places_between(scenario, name), places_of(scenario, name)  # it cannot pass others on its rope
+    return Line(scenario, name, np.linspace(max(between[0], track[0]), min(between[1], track[1]), count))
 
 
 def calculate(
