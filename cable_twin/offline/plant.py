@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 from rich.console import Console
 
 from cable_twin.basics.limited_yaml import read_mapping
+from cable_twin.ensemble.estimate.followers import unfollowable
 from cable_twin.frame.sensors import standard_sensors
 from cable_twin.messages import TopicNames
 from cable_twin.messages.sensor_messages import PLANT, plant_names
@@ -102,6 +103,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (ScenarioError, ScriptError, EquilibriumError) as error:
         tell("plant", error)
         return UNUSABLE
+    if fault := unfollowable(simulation.scenario):
+        tell("plant", f"note: no twin can follow this plant: {fault}")
     if options.log is None:
         go_live(source, dict(options.set), simulation.scenario)
     return _record(simulation, script, options, console)

@@ -36,6 +36,7 @@ QUIET = "#7B8794"
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # apart for colour-blind eyes too
 MANY = 6  # lines of a run in a panel, above which they are a band with its highest and its lowest line
 POINTS = 800  # of a band
+LEAST = {"N": 1e-3, "W": 1e-3}  # range of values by unit below which it is rounding
 EXTREMES: dict[str, Callable[..., str]] = {"highest": max, "lowest": min}  # lines of a band that are drawn
 DASHES: tuple[tuple[float, ...], ...] = ((), (4.0, 1.6), (1.0, 1.0), (6.0, 1.2, 1.0, 1.2))  # of runs, or lines
 STYLE = {
@@ -223,7 +224,7 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / scale:g}"))
     axes.set_ylabel(f"{label} [{prefix}{signal.unit}]")
     low, high = axes.get_ylim()
-    if high - low < 1e-6 * max(abs(low), abs(high), 1e-3):  # rounding alone is no signal
+    if high - low < max(1e-6 * max(abs(low), abs(high)), LEAST.get(signal.unit, 1e-9)):  # rounding alone is no signal
         axes.set_ylim(low - 0.05 * max(abs(low), 1.0), high + 0.05 * max(abs(high), 1.0))
     axes.margins(x=0.01)
     if len(lines) > 1:

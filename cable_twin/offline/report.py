@@ -166,8 +166,8 @@ def _write(options: argparse.Namespace, results: Results, command: str) -> int:
         print_line(f"PDF: {options.pdf}")
     if not results.inputs.file:
         name = results.scenario.name
-        tell("report", f"--scenario: given none, and no shipped one is called {name!r}; allowed: the file of {name!r}, "
-             "as inputs without its remarks count as assumed")  # fmt: skip
+        tell("report", "note: inputs count as assumed, as remarks on them are not in the log: --scenario with the file "
+             f"of {name!r} has them, if it is at hand")  # fmt: skip
     for fault in results.notes:
         tell("report", f"{options.source}: {fault}")
     return NOT_WRITTEN if results.notes else DONE

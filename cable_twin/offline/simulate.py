@@ -371,7 +371,7 @@ def report(
     )
     simulated, since = outcome.time - start, f" from {start:.2f} s on" if start else ""
     factor = simulated / max(outcome.wall_time, 1e-9)
-    if factor < 1.0 and scenario.solver.step == DEFAULT_STEP:
+    if factor < 1.0 and scenario.solver.step == DEFAULT_STEP and not _needs_step(scenario):
         lines.append(
             f"slower than real time with solver.step at its default of {DEFAULT_STEP:g} s; ropeways usually do with "
             "0.005 to 0.01 s: --set solver.step=0.005, and --check says what that changes"
@@ -383,11 +383,16 @@ def report(
         + counted(outcome.applied, "command")
         + (f", {len(outcome.refused)} refused" if outcome.refused else "")
     )
-    if _idle(scenario, outcome):
+    if not start and _idle(scenario, outcome):  # a snapshot has commands of its own
         print("no drive was commanded: give commands with --script FILE")
     if run is not None:
         print(f"log: {run.directory}\nto view it: {typed('review')} {shlex.quote(str(run.directory))}")
     return bool(faults or outcome.refused)
+
+
+def _needs_step(scenario: Scenario) -> bool:
+    """Whether a scenario needs short solver steps: pantographs for their contact, Runge-Kutta for its stability."""
+    return bool(scenario.pantographs) or scenario.solver.integrator == "runge_kutta"
 
 
 def _idle(scenario: Scenario, outcome: Outcome) -> bool:

@@ -17,7 +17,7 @@ from cable_twin.offline import envelope
 from cable_twin.offline.envelopes.cases import CaseError, loading, read_cases
 from cable_twin.offline.envelopes.motion import StopSearch, run_dynamic
 from cable_twin.offline.envelopes.ranges import RangeCollector
-from cable_twin.offline.envelopes.runs import CaseResult, Job, run_case
+from cable_twin.offline.envelopes.runs import CaseResult, Job, _line, run_case
 from cable_twin.offline.envelopes.search import Search
 from cable_twin.offline.envelopes.tensioning import tensioning
 from cable_twin.scenario import ScenarioError, load_scenario
@@ -41,6 +41,13 @@ def cases_in(directory, text):
     file = directory / "cases.yaml"
     file.write_text(text, encoding="utf-8")
     return file
+
+
+@pytest.mark.parametrize(("name", "place"), [("aerial_tramway", 12.0), ("gondola", 0.0), ("pantograph", 0.0)])
+def test_one_place_is_that_of_the_scenario(name, place):
+    """That of its carriage; carriers, and lines without a vehicle, are where they are at a travel of 0."""
+    line = _line(load_scenario(name), 1)
+    assert (line.moved, line.places.tolist()) == ("", [place])
 
 
 @pytest.mark.parametrize(

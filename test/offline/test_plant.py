@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from cable_twin.offline import plant
 from cable_twin.offline.plant import main
 from cable_twin.recording.log_reader import read_log
+from cable_twin.scenario import load_scenario
 
 DURATION = 20.0  # s
 CHANGED = ["--set", "cable.elements=30", "--set", "carriages.cabin.friction.rolling=0.01"]
@@ -88,3 +92,11 @@ def test_a_stuck_sensor_repeats_its_last_value_and_a_drift_grows(tmp_path):
         np.hypot(one.wrench.force.x, one.wrench.force.z) for topic, one in messages if topic.endswith("start/force")
     ]
     assert loads[-1] - loads[0] == pytest.approx(3.0e4, rel=0.2)  # N, in 3 s, while the cabin moves
+
+
+@pytest.mark.parametrize(("name", "told"), [("pantograph", "pantograph: given no vehicles; "), ("single_span", "")])
+def test_a_plant_that_no_twin_can_follow_is_told(name, told, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(plant, "plant_of", lambda *_: SimpleNamespace(scenario=load_scenario(name)))
+    monkeypatch.setattr(plant, "_record", lambda *_: 0)
+    assert main([name, "--log", str(tmp_path)]) == 0
+    assert (f"plant: note: no twin can follow this plant: {told}" in capsys.readouterr().err) == bool(told)

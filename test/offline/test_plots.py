@@ -47,6 +47,18 @@ class Wave(Line):
         return times, self.size * np.sin(times)
 
 
+@pytest.mark.parametrize(("size", "fills"), [(4e-9, False), (4.0, True)])
+def test_forces_of_rounding_do_not_fill_their_axis(size, fills):
+    run = Run("contact_force/cabin")
+    run.signals.series = {"contact_force/cabin": Wave(size)}
+    (panel,) = _panels([run], SIGNALS["contact_force"])
+    _, axes = plt.subplots()
+    _panel(axes, [PlottedRun("", "lift", "run", run.signals)], panel)
+    low, high = axes.get_ylim()
+    assert (high - low < 3.0 * size) == fills
+    plt.close()
+
+
 def test_many_lines_are_a_band_with_those_by_name_that_reach_farthest():
     names = [f"contact_force/chair_{number}" for number in range(1, MANY + 4)]
     run = Run(*names)

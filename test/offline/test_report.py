@@ -416,7 +416,7 @@ def test_an_envelope_has_the_remarks_of_its_own_file_and_a_run_says_where_they_a
     assert "cable.end.position.z: 0.1 m; carriages.carriage.payload: none" in page
     assert report.main([str(next(Path("runs").iterdir()))]) == 0
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("report: --scenario: given none, and no shipped one is called 'own'; allowed: the file of")
+    assert line.startswith("report: note: inputs count as assumed, as remarks on them are not in the log: --scenario")
 
 
 def test_remarks_of_lists_stand_above_their_items(tmp_path):

@@ -194,7 +194,11 @@ def _find(case: LoadCase, first: LoadCase | None, places: int, bases: Bases) -> 
 
 
 def _line(scenario: Scenario, places: int) -> Line:
-    return Line(scenario, "", np.zeros(1)) if places == 1 else plan_line(scenario, places, None)
+    """Line of a load case: of one place, that of the scenario, with the vehicle that is placed where there are more."""
+    if places > 1:
+        return plan_line(scenario, places, None)
+    here = scenario.carriages.get(plan_line(scenario, 2, None).moved)
+    return Line(scenario, "", np.array([0.0 if here is None else here.arc_length]))
 
 
 def run_side_by_side(parts: Sequence[Neighbours], on_part: Callable[[list[CaseResult]], object]) -> None:
