@@ -437,7 +437,8 @@ class SeatStops:
 
     def __init__(self, scenario: Scenario) -> None:
         rows, bodies, offsets, first = [], [], [], 0
-        self._movers, free = [], unbraked(scenario)
+        self._movers: list[frozenset[str]] = []  # of each load, what commands its stop
+        free = unbraked(scenario)
         self._coasting: list[int] = []  # numbers of those that obey no emergency stop while their drive is free
         for row, (name, one) in enumerate(scenario.vehicles.items()):
             if one.bodies:

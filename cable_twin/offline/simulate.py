@@ -20,9 +20,9 @@ from rich.table import Table
 from rich.text import Text
 
 from cable_twin.basics.units import counted
+from cable_twin.frame.layout import COMMANDED
 from cable_twin.key_figures import KeyFigure, KeyFigures, compile_figures, not_judged
 from cable_twin.key_figures.rules import judge, profiles_of
-from cable_twin.mechanics.parameters import FREE
 from cable_twin.messages import nanoseconds
 from cable_twin.messages.figure_messages import describe
 from cable_twin.offline.check import checked
@@ -191,7 +191,7 @@ def _unheard_stop(simulation: Simulation, ahead: Sequence[ScriptedCommand]) -> b
     scenario, kinds = simulation.scenario, [one.command.kind for one in ahead]
     if "emergency_stop" not in kinds or scenario.drives or unbraked(scenario) != scenario.carriages.keys():
         return False
-    driven = bool((simulation.snapshot.columns.command_kind > FREE).any())
+    driven = bool((simulation.snapshot.columns.command_kind > COMMANDED.index("nothing")).any())
     return not driven and not {"speed", "force"} & set(kinds[: kinds.index("emergency_stop")])
 
 
