@@ -327,7 +327,7 @@ def take_couplings(extremes, time, columns):
     for number in range(columns.pantograph_force.size):
         force, x = columns.pantograph_force[number], columns.pantograph_position[number, 0]
         if isnan(force):
-            if isnan(extremes.left[number]) and not isnan(x):  # a frame of a log has neither
+            if isnan(extremes.left[number]) and not isnan(x):  # a frame of a log without joints has neither
                 extremes.left[number] = time
             continue
         extremes.last_force[number], extremes.left[number] = time, nan

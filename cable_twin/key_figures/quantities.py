@@ -141,7 +141,7 @@ _ROWS = (
     Quantity("rollback", "rollback device triggered", "1 where a rollback device has stopped the lift", "-", HIGHEST),
     Quantity("drive_torque", "drive torque, highest", "torque of the drive of a bullwheel", "N m", HIGHEST),
     Quantity("wind", "wind", "speed of the wind as set, without gusts and turbulence", "m/s", HIGHEST),
-    _limited("energy lost or gained by the solver, relative", "energy_lost", HIGHEST),
+    _limited("energy lost or gained by the solver", "energy_lost", HIGHEST),
     # of `rules/derived.py`: from other figures and the dimensions of a scenario, for rules
     Quantity("swing_tangent", "inclination along the track, tangent", "tangent of the swing", "-", HIGHEST),
     Quantity("lateral_swing_tangent", "inclination across the track, tangent", "tangent of the roll", "-", HIGHEST),

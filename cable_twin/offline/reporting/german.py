@@ -336,7 +336,7 @@ QUANTITIES: Mapping[str, str] = {
     "rollback": "Rücklaufsicherung ausgelöst",
     "drive_torque": "Antriebsmoment, größtes",
     "wind": "Wind",
-    "energy_lost": "Energieverlust oder -gewinn des Rechenverfahrens, bezogen",
+    "energy_lost": "Energieverlust oder -gewinn des Rechenverfahrens",
     "swing_tangent": "Längsneigung, Tangens",
     "lateral_swing_tangent": "Querneigung, Tangens",
     "calculated_safety_factor": "Sicherheit auf die rechnerische Bruchkraft",
