@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.rotations import orientation
 from cable_twin.mechanics.language.traced import formula
-from cable_twin.mechanics.language.vectors import add_scaled, load, scale, store, subtract
+from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, load, scale, store, subtract, transpose
 from cable_twin.mechanics.rope.patch import bends, motion_at_rest
 from cable_twin.mechanics.rope.point import AFTER, BEFORE, R, interpolate, point_on
 from cable_twin.mechanics.rope.shape_functions import AXIAL_PLACES, AXIAL_POINTS, AXIAL_WEIGHT, shape_functions
@@ -170,27 +171,45 @@ def leave_out(system, state, node, way):
     """Merge the two elements ahead of a moving load into one cubic, leaving out the node between them."""
     near, far = (node, node + 1) if way > 0 else (node - 1, node - 2)
     lengths = state.mesh.length[near], state.mesh.length[far]
-    merge(state, node, way, lengths, at_rest(system, state, near), at_rest(system, state, far), system.cable.gravity)
+    merge(system, state, node, way, lengths, at_rest(system, state, near), at_rest(system, state, far))
 
 
 @inlined_kernel
-def merge(state, node, way, lengths, near, far, like):
+def lateral_axis(carriages, state, number, like):
+    """Lateral axis (dim,) of a load that is a vehicle whose heading the rope holds in space; 0 of others."""
+    if len(like) == 3 and carriages.held[carriages.body_offset[number]] > 0:
+        return transpose(orientation(state.bodies.position[carriages.body_offset[number]], like))[1]
+    return scale(0.0, like)
+
+
+@inlined_kernel
+def write_slope(slope, lateral, nodal, row):
+    """Write the slope (dim,), or its rate, on one side of a node (rows, dim); the mean along `lateral` stays."""
+    half = scale(0.5 * dot(lateral, subtract(slope, load(nodal[row], slope))), lateral)
+    accumulate(scale(-1.0, half), nodal[BEFORE + AFTER - row])
+    store(subtract(slope, half), nodal[row])
+
+
+@inlined_kernel
+def merge(system, state, node, way, lengths, near, far):
     """Merge the two cubics ahead of a load into one: set the slope of the load's node on that side, and its rates.
 
     The slope is that of the nearest cubic in mean square, of the shape and of velocities and accelerations alike: no
-    wave shorter than the merged element is passed on.
+    wave shorter than the merged element is passed on. Across a vehicle in space both slopes of the node share what that
+    changes, so that their mean, along which the vehicle heads, stays as it is.
 
     Args:
+        system: parameters.
         state: with the load's node, whose slope it takes.
         node: of the load.
         way: 1 where the cubics are after the load, -1 where they are before it.
         lengths: of the near cubic and of the far one, m.
         near: the cubic beside the load, `Rest`.
         far: the other one.
-        like: any vector of the space.
     """
-    nodes, joints = state.nodes, state.joints
+    nodes, joints, like = state.nodes, state.joints, system.cable.gravity
     number, whole = state.node_load[node], lengths[0] + lengths[1]
+    lateral = lateral_axis(system.carriages, state, number, like)
     speed = joints.velocity[number] if state.node_follows[number] else 0.0
     place = load(nodes.position[node, R], like)
     slope = slope_of_one(way, lengths, near.position, far.position, place)
@@ -209,9 +228,9 @@ def merge(state, node, way, lengths, near, far, like):
         beyond = far.acceleration if kind == 0 else far.algorithmic
         turned = slope_of_one(way, lengths, beside, beyond, there)
         turned = add_scaled(along, bend, add_scaled(2.0 * speed, bending, turned))
-        store(turned, nodes.acceleration[node, row] if kind == 0 else nodes.algorithmic[node, row])
-    store(slope, nodes.position[node, row])
-    store(add_scaled(speed, bend, turning), nodes.velocity[node, row])
+        write_slope(turned, lateral, nodes.acceleration[node] if kind == 0 else nodes.algorithmic[node], row)
+    write_slope(slope, lateral, nodes.position[node], row)
+    write_slope(add_scaled(speed, bend, turning), lateral, nodes.velocity[node], row)
 
 
 @kernel
@@ -296,7 +315,7 @@ def take_node(system, state, number, node, s, follow):
     state.node_load[node], state.joint_node[number], state.node_follows[number] = number, node, follow
     put_node(state, node, s)
     state.joint_element[number] = node - 1 if follow or state.joints.position[number] < s else node
-    merge(state, node, way, lengths, near, far, like)
+    merge(system, state, node, way, lengths, near, far)
 
 
 @inlined_kernel
