@@ -73,6 +73,28 @@ def test_rails_carry_what_comes_on():
     assert later.haul_force[row] > 0.15 * weight
 
 
+def test_no_frame_has_what_rails_or_stations_carry_on_the_ropes():
+    """Forces of carriers that come on and go off, step by step, and the power of their clamps.
+
+    The frame of the step in which one came on had its whole weight on the track rope, that in which one went off the
+    last force of its clamp; the power was that of the rails' share as well, 38 kW for 0.1 kW.
+    """
+    simulation = Simulation(load_scenario("bicable"))
+    simulation.command("haul_rope", speed=6.0)
+    before = simulation.advance_to(24.2).columns.attached == 1.0
+    came = left = False
+    for step in range(1, 251):
+        c = simulation.advance_to(24.2 + 0.01 * step).columns
+        on = c.attached == 1.0
+        assert not c.haul_pull[~on].any()
+        assert not c.contact_force[~on, 0].any()
+        assert (np.linalg.norm(c.contact_force[on & ~before], axis=1) < 500.0).all()
+        np.testing.assert_allclose(c.drive_power[on], c.drive_force[on] * c.speed[on], rtol=0.01)
+        came, left, before = came or bool((on & ~before).any()), left or bool((before & ~on).any()), on
+    assert came
+    assert left
+
+
 @pytest.mark.parametrize("first", [8.0, 143.5])
 def test_there_is_a_rest_with_riders_on_rails(first):
     simulation = Simulation(load_scenario("bicable", {"carriers.first": first}), samples=5)

@@ -82,16 +82,13 @@ def note_clamps(parts: list[Ropeway], clamps: Clamps) -> None:
 
 def observe_clamps(parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns) -> None:
     """Fill a snapshot's columns of clamp pulls: zero for opened clamps, without the share carried by station rails."""
-    rows = clamps.carriage.tolist()
-    held = {row for row, other in zip(rows, moving.clamp_rope.tolist(), strict=True) if other >= 0}
-    for clamp, row in enumerate(rows):
-        other = int(moving.clamp_rope[clamp])
-        if other < 0:
-            if row not in held:
-                columns.haul_pull[row], columns.haul_force[row] = 0.0, 0.0
-            continue
-        if moving.rail_mass[clamp] != 0.0:
-            _leave_out_rails(parts[int(clamps.rope[clamp])], float(moving.rail_mass[clamp]), row, columns)
+    pairs = [*zip(clamps.rope.tolist(), clamps.carriage.tolist(), moving.clamp_rope.tolist(), strict=True)]
+    held = {row for track, row, other in pairs if other >= 0 and parts[track].state.clamp_holds[row]}
+    for clamp, (track, row, other) in enumerate(pairs):
+        if row not in held:
+            columns.haul_pull[row], columns.haul_force[row] = 0.0, 0.0
+        elif other >= 0 and moving.rail_mass[clamp] != 0.0:
+            _leave_out_rails(parts[track], float(moving.rail_mass[clamp]), row, columns)
 
 
 def observe_pantographs(parts: list[Ropeway], pantographs: Pantographs, moving: BundleState, columns: Columns) -> None:
@@ -106,13 +103,15 @@ def observe_pantographs(parts: list[Ropeway], pantographs: Pantographs, moving: 
 
 
 def _leave_out_rails(track: Ropeway, mass: float, row: int, columns: Columns) -> None:
-    """Subtract the weight of the carriage `mass` (kg) carried by station rails from the pull of its clamp."""
+    """Subtract the weight of the carriage `mass` (kg) carried by station rails from pull and power of its clamp."""
     place, carried = float(columns.arc_length[row]), mass * track.scenario.gravity
     before, after = _position(track, place - BESIDE), _position(track, place + BESIDE)
-    along = carried * float((after - before)[-1] / np.linalg.norm(after - before))
+    stretched = float(np.linalg.norm(after - before))
+    along = carried * float((after - before)[-1]) / stretched
     columns.haul_pull[row, 2] -= carried
     columns.haul_force[row] -= along
     columns.drive_force[row] -= along
+    columns.drive_power[row] -= along * columns.speed[row] * stretched / (2.0 * BESIDE)
 
 
 def _position(part: Ropeway, place: float) -> FloatArray:

@@ -99,6 +99,7 @@ def hang_in_station(system, state, carriage, station):
         give_back(system, state, state.joint_node[carriage])
     if state.attached[carriage]:
         state.attached[carriage], state.newton_ratio[0] = False, 0.0
+    state.clamp_holds[carriage] = False
     keep_on(system, state, carriage)
     state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0
     follow(state.reference, carriage, station, 0.0, 0.0)

@@ -112,6 +112,8 @@ def find_clamps(bundle, moving, system, state, h):
             if found >= 0 and h > 0.0:
                 store(clamp_gap(bundle, moving, clamp, system, state, like), moving.clamp_taken[clamp, 0])
                 store(gap_rate(bundle, moving, clamp, system, state, like), moving.clamp_taken[clamp, 1])
+                if here:  # what the track rope bears stays as it is
+                    accumulate(load(track.clamp_force[carriage], like), track.multipliers[first_body(own, carriage)])
         store(what_is_left(moving, clamp, like), moving.clamp_slack[clamp])
 
 
@@ -144,6 +146,12 @@ def rail_share(length, place):
     """Share of a vehicle's weight on the station rails, at a `place` (m) of a track of a `length` (m)."""
     u = min(max((min(place, length - place) - STATION) / RAILS, 0.0), 1.0)
     return 1.0 + u * u * u * (-10.0 + u * (15.0 - 6.0 * u))
+
+
+@inlined_kernel
+def first_body(system, carriage):
+    """Number of the first body of a vehicle, at whose joint the multiplier λ is."""
+    return system.carriages.body_offset[carriage]
 
 
 @inlined_kernel
@@ -352,6 +360,8 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
             if not attached:
                 speed, rate = speed_beside(strand.cable, strand_state, s, track.cable, track_state, found, offset)
                 put_on(track, track_state, carriage, found, speed, rate)
+                hung = track_state.multipliers[first_body(track, carriage)]
+                store(scale(1.0 - rail_share(ridden, found), load(hung, offset)), hung)
             return
     beyond = s - length
     station = ridden if 2.0 * beyond < loop_length - length and 2.0 * s > length else 0.0
