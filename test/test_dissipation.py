@@ -109,22 +109,22 @@ def test_the_advice_mends_it():
 
 
 @pytest.mark.parametrize(
-    ("name", "command", "most"),
+    ("name", "command"),
     [
-        ("aerial_tramway", [("cabin", 7.0)], 0.0025),
-        ("single_span", [("cabin", 7.0)], 0.0025),
-        ("chairlift", [("haul_rope", 2.5)], 0.0025),
-        pytest.param("gondola", [("haul_rope", 6.0)], 0.0025, marks=pytest.mark.long),
-        ("seed_example", [], 0.009),
+        ("aerial_tramway", [("cabin", 7.0)]),
+        ("single_span", [("cabin", 7.0)]),
+        ("chairlift", [("haul_rope", 2.5)]),
+        pytest.param("gondola", [("haul_rope", 6.0)], marks=pytest.mark.long),
+        ("seed_example", []),
     ],
 )
-def test_the_shipped_scenarios_keep_their_energy(name, command, most):
-    figures, verdicts = figures_of(Simulation(load_scenario(name)), 25.0 if command else 10.5, command)
+def test_the_shipped_scenarios_keep_their_energy(name, command):
+    figures, verdicts = figures_of(Simulation(load_scenario(name)), 25.0 if command else 2.0, command)
     lost = figures[ENERGY_LOST]
     assert verdicts <= {"", "kept"}
-    assert lost.verdict == "kept"
+    assert lost.verdict == ("kept" if command else "")  # two seconds are not judged
     assert "lower" not in lost.place  # nobody is told to change what is good
-    assert lost.value < most
+    assert lost.value < 0.0025
 
 
 @pytest.mark.parametrize("space", [2, 3])
