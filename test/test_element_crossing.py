@@ -30,6 +30,7 @@ NODE = {"cable.joint": "node"}  # which goes along with the vehicle
 def test_others_are_not(changes):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", ".*ropeways run at up to")
         Simulation(load_scenario("single_span", changes))
 
 

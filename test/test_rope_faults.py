@@ -56,8 +56,8 @@ TIGHT, SLACK = {**WEIGHT, "travel": [-0.2, 0.2]}, {**WEIGHT, "travel": [0.5, 4.0
     ("key", "value", "said"),
     [
         ("drive.friction", 0.005, r"sheaves\.drive: at rest its strands pull with 189.4 kN and 180.4 kN"),
-        ("return.counterweight", TIGHT, "given .* less pull, or ropes that are 0.338 m sh"),
-        ("return.counterweight", SLACK, "rests at 0.3688 m; .* more pull, .* 0.262 m longer"),
+        ("return.counterweight", TIGHT, "given .* less pull, or ropes that are 0.337 m sh"),
+        ("return.counterweight", SLACK, "rests at 0.3687 m; .* more pull, .* 0.263 m longer"),
         ("return.counterweight.mass", 100.0, "given 100 kg, .* 981 N: no static equilibrium; allowed: about 28700 kg"),
         ("return.counterweight.force", 500.0, "given 500 N: no static equilibrium; allowed: about 282000 N"),
     ],

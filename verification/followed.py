@@ -53,7 +53,7 @@ SCENES = {
     "jig_back": Scene(ROPES, "haul_rope", (6.0, 9.0)),
 }
 LIFTS = {
-    "chairlift": Scene(_lift(9.0, 0.8, 3.0), "haul_rope", (2.5, 2.5)),
+    "chairlift": Scene(_lift(9.0, 0.6, 3.0), "haul_rope", (2.5, 2.5)),
     "gondola": Scene(_lift(10.0, 1.0, 2.0), "haul_rope", (5.0, 5.0)),
     "bicable": Scene(_lift(8.0, 1.0, 3.0, ("track_", "haul_")), "haul_rope", (5.0, 5.0)),
 }

@@ -237,7 +237,7 @@ def creep(simulation: Simulation, pulls: Array) -> tuple[float, float]:
             weights = system.counterweights._replace(force=np.array([0.0, pull]))
             system = system._replace(counterweights=weights)
             assert settled(system, state, work, 1e-9).at_rest
-            settle_towers(system.cable, system.towers, state)
+            settle_towers(system.cable, system.towers, state, work)
         start, end = (float(np.hypot(*end_force(system, state, end))) for end in range(2))
     return start, end
 

@@ -328,7 +328,7 @@ def test_a_world_is_built_before_the_one_that_runs_ends(twin, call):
     colliding["carriages"]["second"] = colliding["carriages"]["cabin"]
     answer = call("LoadWorld", world_resource__resource_string=json.dumps(colliding)).result
     assert answer.result == 4
-    assert "given 60.0 m, too near to 'cabin' at 60.0 m" in answer.error_message
+    assert "given 60 m, too near to 'cabin' at 60 m" in answer.error_message
     assert (twin.loop.paused, twin.loading.busy) == (False, False)  # it goes on as it was
     asked = []
     coroutine = twin.answers.load_world(
