@@ -26,12 +26,12 @@ QUANTUM, PERIOD, SPEED = 0.01, 0.1, 5.0  # m, s, m/s
 BEGUN = 3.0  # s, of what happens to the places below
 
 
-def places(deceleration=0.0, step=0.0, stuck=False):
+def places(deceleration=0.0, step=0.0, stuck=False, speed=SPEED):
     """Times (s) and places (m) of an encoder with quanta, 0.1 s apart, to whose vehicle something happens at 3 s."""
     times = np.arange(0.0, 5.0, PERIOD)
     since = np.clip(times - BEGUN, 0.0, None)
-    lasts = np.minimum(since, SPEED / deceleration) if deceleration else since
-    way = SPEED * np.minimum(times, BEGUN) + SPEED * (0.0 if stuck else lasts) - 0.5 * deceleration * lasts**2
+    lasts = np.minimum(since, speed / deceleration) if deceleration else since
+    way = speed * np.minimum(times, BEGUN) + speed * (0.0 if stuck else lasts) - 0.5 * deceleration * lasts**2
     way = way if deceleration else way + np.where(times > BEGUN, step, 0.0)
     return [*zip(times.tolist(), (QUANTUM * np.round(way / QUANTUM)).tolist(), strict=True)]
 
@@ -55,7 +55,7 @@ def test_an_emergency_stop_is_told_within_the_time_that_measurements_wait(scenar
     [
         places(),
         places(deceleration=0.45),
-        places(stuck=True),
+        *(places(stuck=True, speed=one) for one in (1.2, 2.5, SPEED)),
         *(places(step=size) for size in (-3.0, -0.1, -0.02, 1.0)),
     ],
 )

@@ -20,7 +20,6 @@ SHORTEST = 0.25  # s, from which on a deceleration is known
 FEWEST = 12  # samples of a fit
 STEPS = 0.05  # s, from one beginning that is tried to the next
 SHARE = 0.7  # of the way from a service stop to an emergency stop, from which on a deceleration is that of the latter
-LARGEST = 3.0  # times the deceleration of an emergency stop, which no brake has, but an encoder that is stuck
 ROUGH, SMALL = 0.1, 5e-3  # of the lag behind the constant speed, and m, that a fit may be off
 SLOWEST = 1.0  # m/s, below which a service stop is as good
 LAG = 0.3  # s, by which a carriage on its haul rope begins to slow down later than its drive, as it seems to a fit
@@ -80,7 +79,8 @@ class EmergencyStops:
         begun, speed, slower, off = _kink(times - time, places)
         least = service + SHARE * (emergency - service)
         lag = 0.5 * slower * begun**2
-        if abs(speed) < SLOWEST or not least < slower < LARGEST * emergency or off > max(SMALL, ROUGH * lag):
+        stuck = slower * -begun > abs(speed)  # a brake does not turn a vehicle round; places that stay seem to fit that
+        if abs(speed) < SLOWEST or slower < least or stuck or off > max(SMALL, ROUGH * lag):
             return None
         kept.clear()
         self._stopping[name] = Stop(name, float(time + begun) - self._lag, abs(speed), abs(speed) / emergency)
