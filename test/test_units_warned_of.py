@@ -35,15 +35,17 @@ KMH = r"carriages.cabin.drive.limits.speed of 36 m/s: ropeways run at up to 15 m
     ],
 )
 def test_values_of_another_unit_are_warned_of(name, changes, said):
-    with pytest.warns(UserWarning, match=said):
+    with pytest.warns(UserWarning, match=said) as told:
         warn_of_units(load_scenario(name, changes))
+    assert len(told) == 1
 
 
 def test_shipped_scenarios_are_not_warned_of():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
         for name in scenario_names():
             warn_of_units(load_scenario(name))
+    assert [str(one.message) for one in told] == []
 
 
 def test_a_simulation_warns():

@@ -25,5 +25,5 @@ class NewestLines:
 
     @property
     def lines(self) -> list[str]:
-        """Those that are kept, the newest one last."""
+        """Lines that are kept, the newest one last."""
         return [line for line, _ in self._kept]

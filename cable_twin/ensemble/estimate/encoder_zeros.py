@@ -50,11 +50,11 @@ class Displaced:
 
     @property
     def members(self) -> range:
-        """Their numbers in the ensemble."""
+        """Numbers of the ensemble members whose carriages are displaced."""
         return range(self._first, self._first + len(self))
 
     def places(self, motion: Mapping[str, Any]) -> dict[str, list[float]]:
-        """Places (m) of carriages at rest, for each member, by key of the scenario.
+        """Places (m) of carriages at rest for each ensemble member, by scenario key; displaced in one for each encoder.
 
         Args:
             motion: of the twin, by key, as of `values_at`.
@@ -68,7 +68,7 @@ class Displaced:
         return found
 
     def along(self, weights: FloatArray) -> FloatArray:
-        """Weights of all members that take these along, by (members, members) weights of those before them."""
+        """Weights of all ensemble members, by (members, members) weights of those whose carriages are not displaced."""
         size = self._first
         found = np.eye(size + len(self))
         found[:size, :size] = weights
@@ -77,7 +77,10 @@ class Displaced:
         return found
 
     def effects(self, rows: Sequence[Row]) -> dict[str, FloatArray]:
-        """What 1 m of an encoder's zero adds to the measurements (k,) in rows of a window, beside its own one."""
+        """Change of each measurement (k,) of a window by 1 m of error in the zero of an encoder, by the encoder's name.
+
+        That of the encoder's own measurement by itself is left out.
+        """
         found = {}
         for member, place, name in zip(self.members, self._places, self.encoders, strict=True):
             away = np.array([row.numbers[member, place] - row.numbers[0, place] for row in rows])

@@ -104,7 +104,7 @@ def haul_tension(system, state, carriage):
     force, _, _, _ = rope_force(system, state, carriage)
     length, _ = rope_length(system, carriage, drums.position[carriage])
     mass = ropes.mass_per_length[carriage] * length / 6.0
-    at_vehicle = force - mass * (2.0 * hauled.acceleration[carriage] + drums.acceleration[carriage])
+    at_vehicle = pull_on_carriage(system, state, carriage)
     at_drive = force + mass * (2.0 * drums.acceleration[carriage] + hauled.acceleration[carriage])
     place = joint_position(system.cable, state, carriage)
     station, sign = state.nodes.position[0, 0], -1.0

@@ -173,7 +173,7 @@ def turn_lanes(rows: Any, numbers: Any, like: Vec) -> None:
 
 @formula
 def turn_point_loads(rows: Any, numbers: Any, like: Vec) -> None:
-    """Transpose likewise a group of point loads, see `point.write_point_load`."""
+    """Transpose the lanes of a group of point loads into one row per load; see `point.write_point_load`."""
     dim = len(like)
     _turn(rows, numbers, dim + 4 * dim * dim)
 

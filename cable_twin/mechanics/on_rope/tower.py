@@ -30,7 +30,6 @@ from cable_twin.mechanics.language.simd import (
     gather_numbers_listed,
     gather_rows,
     gather_vectors,
-    larger,
     magnitude,
     put_numbers,
     put_vectors,
@@ -51,6 +50,7 @@ from cable_twin.mechanics.on_rope.tower_contact import (
     groove_tangent,
     mobilised,
     normal_force,
+    normal_to,
     shape_at_contact,
     shapes_at,
     side_force,
@@ -334,9 +334,7 @@ def add_at_bend(cable, towers, state, contact, stiffness_factor, work):
             continue
         share = farther / (farther - nearer)
         r_x, still = add_scaled(share, before, scale(1.0 - share, after)), scale(0.0, apart)
-        side = load(towers.normal[contact], like)
-        across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
-        normal = scale(1.0 / larger(square_root(dot(across, across)), 1e-12), across)
+        normal = normal_to(r_x, load(towers.normal[contact], like))
         depth = depth_in_groove(towers, state, contact, -dot(apart, normal), like)
         n, n_by_depth, _ = normal_force(towers, contact, depth, 0.0)
         state.contact_arc_length[contact] = state.mesh.arc_length[node]

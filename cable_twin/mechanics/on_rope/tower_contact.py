@@ -84,8 +84,14 @@ def shape_at_contact(e, shapes, place, side):
     """
     r_x = weighted(e, shapes[1])
     apart = subtract(weighted(e, shapes[0]), place)
+    return r_x, apart, normal_to(r_x, side)
+
+
+@inlined_kernel
+def normal_to(r_x, side):
+    """Unit normal (dim,) of a rope of slope r_x (dim,) towards a `side` (dim,)."""
     across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
-    return r_x, apart, scale(1.0 / larger(square_root(dot(across, across)), 1e-12), across)
+    return scale(1.0 / larger(square_root(dot(across, across)), 1e-12), across)
 
 
 @inlined_kernel
