@@ -27,9 +27,10 @@ from cable_twin.mechanics.drives.haul_rope import rope_damping, rope_length
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.rotations import orientation
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
-from cable_twin.mechanics.on_rope.friction import friction_force, mobilise
+from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent
-from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
+from cable_twin.mechanics.on_rope.tower import contact_frame
+from cable_twin.mechanics.on_rope.tower_contact import mobilised, normal_force
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
@@ -88,9 +89,7 @@ def tower_losses(system: System, state: State) -> float:
         elastic, _, _ = normal_force(system.towers, contact, depth, 0.0)
         if force > 0.0:
             total += (force - elastic) * rate
-            z, _ = mobilise(
-                slid(system.cable, state, contact), state.contact_deflection[contact], system.towers.presliding[contact]
-            )
+            z = mobilised(system.cable, system.towers, state, contact)
             norm = sqrt(dot(r_x, r_x))
             total -= (
                 system.towers.friction[contact] * force * z * (dot(moving, r_x) / norm + state.rope.velocity[0] * norm)
