@@ -31,6 +31,12 @@ Whose = Literal[
     "turned",
 ]
 AXES = ("x", "y", "z")
+LINES = {  # ends of the names of lines, by the kind of their objects, with the words for them in legends
+    "rope": {"_highest": "highest"},
+    "strands": {"_on": "incoming strand", "_off": "outgoing strand"},
+}
+LEAST = {"N": 1e-3, "W": 1e-3}  # values by unit below which they are rounding; of all other units 1e-9
+SPREAD = ("arc_length",)  # signals whose range over many objects tells nothing
 
 
 class Driven(NamedTuple):
@@ -98,6 +104,17 @@ class Signal:
     def names(self, layout: Layout) -> Sequence[str]:
         """Names of the objects that have the plotted signal, in the order of its values."""
         return () if self.space and not layout.space else NAMES[self.whose](layout)
+
+    def words(self, whose: str) -> tuple[str, ...]:
+        """Words of a legend for the line of an object: its name, and which of several lines of the object it is."""
+        for end, word in LINES.get(self.whose, {}).items():
+            if whose.endswith(end):
+                return whose.removesuffix(end), word
+        return (whose.replace("/", " "),)
+
+    def is_zero(self, values: FloatArray) -> bool:
+        """Whether values over time are 0 within rounding, so that a plot of them would show noise."""
+        return not (np.abs(values) > LEAST.get(self.unit, 1e-9)).any()
 
     def values(self, layout: Layout, c: Columns) -> FloatArray:
         """Values (..., names) of the signal in one or several frames; NaN is a gap, such as a vehicle off the cable."""

@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
-from cable_twin.frame.plotted_signals import PLOTS, SIGNALS, Signal
+from cable_twin.frame.plotted_signals import LEAST, PLOTS, SIGNALS, SPREAD, Signal
 from cable_twin.frame.snapshot import ENDS
 from cable_twin.key_figures.rules import RuleVerdict
 from cable_twin.key_figures.rules.comparison import topic_of
@@ -36,7 +36,6 @@ QUIET = "#7B8794"
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # apart for colour-blind eyes too
 MANY = 6  # lines of a run in a panel, above which they are a band with its highest and its lowest line
 POINTS = 800  # of a band
-LEAST = {"N": 1e-3, "W": 1e-3}  # range of values by unit below which it is rounding
 EXTREMES: dict[str, Callable[..., str]] = {"highest": max, "lowest": min}  # lines of a band that are drawn
 DASHES: tuple[tuple[float, ...], ...] = ((), (4.0, 1.6), (1.0, 1.0), (6.0, 1.2, 1.0, 1.2))  # of runs, or lines
 STYLE = {
@@ -119,7 +118,7 @@ def write_plots(
         on_file: Called with each file before it is drawn.
 
     Returns:
-        The files; a plot without a number in it is left out.
+        The files; a plot without a number in it, or of zeros alone, is left out.
 
     Raises:
         OSError: A file cannot be written.
@@ -161,12 +160,18 @@ def _lines(runs: Sequence[PlottedRun], signal: Signal) -> list[tuple[int, str]]:
 
 
 def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
-    """Plot panels of a signal: one, or two for supports, as loads on rope ends and on towers differ in size."""
+    """Plot panels of a signal: one, or two for supports, as loads on rope ends and on towers differ in size.
+
+    None if all values are 0, or if there are too many lines of a signal whose range tells nothing.
+    """
     if signal.beside:
         return []
     lines = _lines(runs, signal)
+    many = signal.name in SPREAD and len({name for _, name in lines}) > MANY
     if lines:
         lines += [line for other in SIGNALS.values() if other.beside == signal.name for line in _lines(runs, other)]
+    if many or all(signal.is_zero(runs[index].signals.series[name].line()[1]) for index, name in lines):
+        return []
     if signal.whose != "supports":
         return [Panel(signal, signal.label, lines)] if lines else []
     at_ends = [line for line in lines if line[1].rpartition("/")[2] in ENDS]  # "load/start", or "load/up/start"
@@ -195,9 +200,16 @@ def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Panel]) 
     legends = [legend for axes in rows[:, 0] if (legend := axes.get_legend()) is not None]
     taken = sum(legend.get_window_extent().height for legend in legends) / figure.dpi
     figure.set_figheight(height + 0.9 + max(taken - LEGENDS * len(legends), 0.0))
-    rows[-1, 0].set_xlabel("simulated time [s]")
+    rows[-1, 0].set_xlabel(f"simulated time [s], {_values_a_second(runs, panels)} values a second")
     _title(figure, runs, title)
     return figure
+
+
+def _values_a_second(runs: Sequence[PlottedRun], panels: Sequence[Panel]) -> str:
+    """How many values of each line are plotted per second: peaks between them, which key figures have, are not."""
+    lines = [runs[index].signals.series[name].line()[0] for panel in panels for index, name in panel.lines]
+    each = [1.0 / float(np.median(np.diff(np.unique(times)))) for times in lines if np.unique(times).size > 1]
+    return " to ".join(dict.fromkeys(f"{one:.3g}" for one in (min(each), max(each)))) if each else "0"
 
 
 def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
@@ -209,10 +221,10 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
     if many:
         _bands(axes, runs, lines)
     for index, name in () if many else lines:
-        parts = name.split("/")[1:]
         times, values = runs[index].signals.series[name].line()
-        whose = " ".join(parts[1:] if lone else parts)
         other = SIGNALS[name.partition("/")[0]]
+        whose = ", ".join(other.words(name.partition("/")[2]))
+        whose = name.split("/", 2)[2] if lone else whose
         whose += f" {other.label}" if other.beside else ""
         color, dashes = _look(names.index(name), len(names), index, len(runs))
         legend = f"{runs[index].label}: {whose}" if runs[index].label else whose
@@ -259,7 +271,8 @@ def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, st
         for dashes, (word, pick) in zip(DASHES, EXTREMES.items(), strict=False):
             reached = {name: _reach(line[1], word) for name, line in series.items()}
             name = pick(reached, key=reached.__getitem__)
-            label = f"{whose}{' '.join(name.split('/')[1:])}, {word}"
+            quantity, _, line = name.partition("/")
+            label = f"{whose}{', '.join(SIGNALS[quantity].words(line))}, {word}"
             axes.plot(*series[name], color=color, dashes=dashes, label=label, linewidth=1.0)
 
 

@@ -39,23 +39,49 @@ def test_towers_are_not_on_the_axis_of_the_ends_which_bear_ten_times_as_much():
 
 
 class Wave(Line):
-    def __init__(self, size):
-        self.size = size
+    def __init__(self, size, mean=0.0):
+        self.size, self.mean = size, mean
 
     def line(self):
         times = np.linspace(0.0, 10.0, 101)
-        return times, self.size * np.sin(times)
+        return times, self.mean + self.size * np.sin(times)
 
 
 @pytest.mark.parametrize(("size", "fills"), [(4e-9, False), (4.0, True)])
-def test_forces_of_rounding_do_not_fill_their_axis(size, fills):
+def test_rounding_of_a_constant_force_does_not_fill_its_axis(size, fills):
     run = Run("contact_force/cabin")
-    run.signals.series = {"contact_force/cabin": Wave(size)}
+    run.signals.series = {"contact_force/cabin": Wave(size, 100.0)}
     (panel,) = _panels([run], SIGNALS["contact_force"])
     _, axes = plt.subplots()
     _panel(axes, [PlottedRun("", "lift", "run", run.signals)], panel)
     low, high = axes.get_ylim()
     assert (high - low < 3.0 * size) == fills
+    plt.close()
+
+
+def test_a_panel_of_zeros_alone_is_left_out_unless_something_else_was_commanded():
+    run = Run("speed/cabin", "commanded_speed/cabin")
+    run.signals.series = {"speed/cabin": Wave(4e-12), "commanded_speed/cabin": Wave(1.0)}
+    (panel,) = _panels([run], SIGNALS["speed"])
+    assert len(panel.lines) == 2
+    run.signals.series["commanded_speed/cabin"] = Wave(0.0)
+    assert _panels([run], SIGNALS["speed"]) == []
+
+
+def test_places_of_many_vehicles_which_fill_a_loop_at_all_times_are_left_out():
+    places = [f"arc_length/chair_{number}" for number in range(MANY + 1)]
+    assert len(_panels([Run(*places[:MANY])], SIGNALS["arc_length"])) == 1
+    assert _panels([Run(*places)], SIGNALS["arc_length"]) == []
+
+
+def test_legends_have_words_and_not_the_ends_of_names():
+    run = Run("sheave_tension/drive_on", "sheave_tension/drive_off")
+    (panel,) = _panels([run], SIGNALS["sheave_tension"])
+    _, axes = plt.subplots()
+    _panel(axes, [PlottedRun("", "lift", "run", run.signals)], panel)
+    shown = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert shown == ["drive, incoming strand", "drive, outgoing strand"]
+    assert SIGNALS["tension"].words("haul_1_highest") == ("haul_1", "highest")
     plt.close()
 
 

@@ -265,6 +265,8 @@ TEXTS: Mapping[str, str] = {
     "power": "Leistung",
     "torque": "Drehmoment",
     "tension of strands": "Zugkraft der Stränge",
+    "incoming strand": "auflaufender Strang",
+    "outgoing strand": "ablaufender Strang",
     "adhesion used": "ausgenutzte Reibung",
     "slip of the rope": "Schlupf des Seils",
     "travel of the tensioning device": "Weg der Spanneinrichtung",

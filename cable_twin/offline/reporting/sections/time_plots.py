@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from cable_twin.basics.units import shown_unit
-from cable_twin.frame.plotted_signals import PLOTS, SIGNALS, Signal
+from cable_twin.frame.plotted_signals import PLOTS, SIGNALS, SPREAD, Signal
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.reporting.chart import LOOKS, Chart, span
 from cable_twin.offline.reporting.results import Results
 from cable_twin.offline.reporting.texts import Texts
 from cable_twin.offline.thinned_series import Signals
 
-SPREAD = ("arc_length",)  # whose range over many objects says nothing
 MANY = 6  # lines, above which they are drawn as a range
 POINTS = 300  # intervals of a line, each with its lowest and highest value
 
@@ -42,9 +41,10 @@ def _panel(signal: Signal, signals: Signals, texts: Texts) -> Chart | None:
     for one in (signal, *beside):
         for name, series in signals.series.items():
             if name.startswith(f"{one.name}/"):
-                whose = name.partition("/")[2].replace("/", " ")
+                named, *line = one.words(name.partition("/")[2])
+                whose = ", ".join((named, *map(texts, line)))
                 lines[f"{whose} {texts(one.label)}" if one.beside else whose] = thinned(*series.line())
-    if not lines or (signal.name in SPREAD and len(lines) > MANY):
+    if (signal.name in SPREAD and len(lines) > MANY) or all(signal.is_zero(values) for _, values in lines.values()):
         return None
     size = max(
         (float(np.nanmax(np.abs(values))) for _, values in lines.values() if np.isfinite(values).any()), default=0.0
