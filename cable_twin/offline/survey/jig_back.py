@@ -249,7 +249,7 @@ def _track(track: TrackRope, rope: Mapping[str, float], ends: Ends, upwards: boo
     return {
         **rope_keys(rope, TRACK_ROPE, TRACK_WHY),
         "unstrained_length": track.length,
-        "elements": assumed({"target": 6.0, "at_towers": 4.0, "growth": 1.3}, "lengths in m"),
+        "elements": assumed({"target": 30.0, "at_towers": 0.75, "growth": 3.0}, "lengths in m, short on saddles"),
         "damping_time": assumed(0.004, "s, a damping ratio of 0.2 % at 1 rad/s"),
         "start": both[low],
         "end": both[high],
@@ -267,7 +267,7 @@ def _haul(rope: Mapping[str, float], length: float, wheels: FloatArray, y: float
         "unstrained_length": derived(
             round(length, 2), "closed form: the counterweight is then near the middle of its travel"
         ),
-        "elements": assumed({"target": 10.0, "at_towers": 2.0, "growth": 1.5}, "lengths in m, short on rollers"),
+        "elements": assumed({"target": 12.0, "at_towers": 2.0, "growth": 2.5}, "lengths in m, short on rollers"),
         "damping_time": assumed(0.004, "s"),
         "start": {"position": start, "support": "pinned"},
         "end": {"position": end, "support": "pinned"},

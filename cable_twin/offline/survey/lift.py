@@ -81,7 +81,7 @@ CHAIRLIFT = LiftKind(
     capacity=300.0,
     capacity_why="four people of 75 kg",
     sheaves=(8, 0.5625, 25.0),
-    elements={"target": 4.0, "at_towers": 1.4, "growth": 1.5},
+    elements={"target": 12.0, "at_towers": 0.75, "growth": 4.0},
     clearance=2.5,
 )
 GONDOLA = LiftKind(
@@ -109,7 +109,7 @@ GONDOLA = LiftKind(
     capacity=750.0,
     capacity_why="ten people of 75 kg",
     sheaves=(16, 0.625, 40.0),
-    elements={"target": 7.0, "at_towers": 1.25, "growth": 1.25},
+    elements={"target": 20.0, "at_towers": 0.8, "growth": 3.0},
     clearance=2.5,
 )
 
