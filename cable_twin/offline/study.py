@@ -339,7 +339,7 @@ def _report(study: Study, kept: Kept, shown: Shown, faults: Sequence[str]) -> in
         values = results.figures[one]
         there = values[np.isfinite(values)]
         unit, scale = shown_unit(results.names[one][1], float(abs(there).max()))
-        row = [rounded(there.min() * scale), rounded(there.max() * scale), "" if unit == "-" else unit]
+        row = [rounded(there.min() * scale), rounded(there.max() * scale), unit]
         own = shown.indices.get(one)
         row += [f"{own.first[key].value:.2f}, {own.total[key].value:.2f}" if own else "" for key in keys]
         table.add_row(results.names[one][0], *row)
