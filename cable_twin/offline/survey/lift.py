@@ -109,7 +109,7 @@ GONDOLA = LiftKind(
     capacity=750.0,
     capacity_why="ten people of 75 kg",
     sheaves=(16, 0.625, 40.0),
-    elements={"target": 20.0, "at_towers": 0.8, "growth": 3.0},
+    elements={"target": 20.0, "at_towers": 0.4, "growth": 3.0},
     clearance=2.5,
 )
 
