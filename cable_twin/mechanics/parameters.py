@@ -112,6 +112,7 @@ class Carriages(NamedTuple):
     fixed: NDArray[np.bool_]  # (carriages,) fixed at its arc length
     clamped: NDArray[np.bool_]  # (carriages,) clamped to a moving cable, also on the rest of its loop
     loop_place: FloatArray  # (carriages,) m, initial position on the loop of a clamped carriage
+    rails: FloatArray  # (carriages,) m, over which a clamped carriage leaves the rails of a station, 0 without rails
     rolling_friction: FloatArray  # (carriages,) - , of the normal contact force
     viscous_friction: FloatArray  # (carriages,) N s/m
     presliding: FloatArray  # (carriages,) m, elastic displacement of a joint before it slides

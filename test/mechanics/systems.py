@@ -81,6 +81,7 @@ def make_carriages(chains=(), dim=2, **changes):
         fixed=np.zeros(count, dtype=np.bool_),
         clamped=np.zeros(count, dtype=np.bool_),
         loop_place=np.zeros(count),
+        rails=np.zeros(count),
         rolling_friction=np.zeros(count),
         viscous_friction=np.zeros(count),
         presliding=np.full(count, 1e-2),

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cable_twin.frame.snapshot import Snapshot
+from cable_twin.mechanics.on_rope.rails import share_on_rails
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.solution.bundle.clamp import rail_share
 from cable_twin.scenario import Scenario, command_limits, load_scenario
@@ -106,6 +107,7 @@ class LineStatics:
         self._rows = np.array([layout.vehicle_rows[name] for name in layout.carriers])
         self._supports = layout.support_rows
         self._drives = layout.drive_rows
+        self._rails = 0.0 if scenario.carriers is None else scenario.carriers.station_rails
         self._towers: dict[str, _Tower] = {}
         self._ropes: list[_Rope] = []
         for row, rope in enumerate(scenario.cables):
@@ -261,16 +263,19 @@ class LineStatics:
     def _on(self, rope: int, snapshot: Snapshot) -> tuple[FloatArray, FloatArray]:
         """Shares (carriers,) of the weight of each carrier that a rope bears or pulls; positions (carriers, 3) in m.
 
-        Rails at the ends of a track rope bear the rest.
+        Rails of the stations at the ends of a rope bear the rest.
         """
         columns, one = snapshot.columns, self._ropes[self._ropes[rope].carriers_of]
         here = (columns.vehicle_rope[self._rows] == self._ropes[rope].carriers_of) & (
             columns.attached[self._rows] == 1.0
         )
         shares = here * 1.0
-        if one.is_track:
-            for row in np.flatnonzero(here):
-                shares[row] -= rail_share(one.length, columns.arc_length[self._rows[row]])
+        for row in np.flatnonzero(here) if one.is_track or self._rails else ():
+            place = columns.arc_length[self._rows[row]]
+            if one.is_track:
+                shares[row] -= rail_share(one.length, place)
+            else:
+                shares[row] -= share_on_rails(min(place, one.length - place), self._rails)
         return shares, columns.joint_position[self._rows]
 
 

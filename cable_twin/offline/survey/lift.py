@@ -168,6 +168,11 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
             "count": derived(count, "given")
             if "carriers.count" in changes
             else assumed(count, f"one every {kind.interval:g} s at {speed:g} m/s"),
+            **(
+                {"station_rails": assumed(12.0, "m, over which the rope takes a cabin over")}
+                if kind.grip == "detachable"
+                else {}
+            ),
             "bodies": {
                 name: {key: assumed(value, f"usual {kind.vehicle}") for key, value in body.items()}
                 for name, body in kind.bodies.items()

@@ -77,6 +77,7 @@ def build_carriages(scenario: Scenario) -> parameters.Carriages:
     drives = [carriage.drive for carriage in carriages]
     limits = [drive.limits for drive in drives]
     stops = floats([end_stop(scenario, carriage) for carriage in carriages], 3)
+    rails = 0.0 if scenario.carriers is None else scenario.carriers.station_rails
     brakes = columns(record, Brake, [brake for drive in drives for brake in _brakes(drive)], "brake_{}")
     copied = {
         **columns(record, Body, bodies, "hinge_{}"),
@@ -93,6 +94,7 @@ def build_carriages(scenario: Scenario) -> parameters.Carriages:
         "fixed": np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
         "clamped": np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),
         "loop_place": floats([carriage.arc_length for carriage in carriages]),
+        "rails": floats([rails * (carriage.joint == "clamped") for carriage in carriages]),
         "presliding": np.full(len(carriages), PRESLIDING),
         "limits": build_limits(limits),
         "drive_stops": np.array(["drive" in drive.emergency_stop for drive in drives], dtype=np.bool_),

@@ -207,6 +207,13 @@ def _tracks(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
     """Errors in the carriers' track ropes: unknown, missing for some strands, given twice, or far from a strand."""
     path: KeyPath = ("carriers", "tracks")
     tracks, strands = carriers.tracks, scenario.strands
+    if tracks and carriers.station_rails:
+        yield refuse(
+            ("carriers", "station_rails"),
+            carriers.station_rails,
+            "0 m, with `tracks`",
+            "the tracks have rails of their own at both ends",
+        )
     if not tracks:
         if any(carriers.clamp_offset):
             yield refuse(

@@ -245,6 +245,13 @@ class Carriers(Section):
     clamp_offset: Place = quantity(
         "m", "vector from the joint on a track to the clamp as x, z, in space x, y, z", (0.0, 0.0)
     )
+    station_rails: float = quantity(
+        "m",
+        "length at both ends of the cable, or of each strand, over which station rails hand the weight of a carrier "
+        "with a detachable grip over to the rope; 0: none, as with fixed grips",
+        0.0,
+        ge=0,
+    )
     bodies: dict[str, Body] = Field(
         default_factory=dict,
         description="bodies of each carrier by name, from the cable downwards, if all are of one kind",

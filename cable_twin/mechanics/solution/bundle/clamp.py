@@ -33,7 +33,9 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
+from cable_twin.mechanics.on_rope.chain import carriage_mass
 from cable_twin.mechanics.on_rope.presence import belongs, rides
+from cable_twin.mechanics.on_rope.rails import share_on_rails
 from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent, joint_velocity
 from cable_twin.mechanics.on_rope.tower_contact import nearest
 from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
@@ -100,7 +102,7 @@ def find_clamps(bundle, moving, system, state, h):
         mass = 0.0
         if found >= 0 and clamps.loop_length[clamp] > 0.0:
             mass = rail_share(own.cable.unstrained_length, track.joints.position[carriage])
-            mass *= carried_mass(own.carriages, carriage)
+            mass *= carriage_mass(own.carriages, carriage)
         moving.rail_mass[clamp] = mass
         moving.clamp_time[clamp] += h
         if taken:
@@ -144,23 +146,13 @@ def gap_rate(bundle, moving, clamp, system, state, like):
 @inlined_kernel
 def rail_share(length, place):
     """Share of a vehicle's weight on the station rails, at a `place` (m) of a track of a `length` (m)."""
-    u = min(max((min(place, length - place) - STATION) / RAILS, 0.0), 1.0)
-    return 1.0 + u * u * u * (-10.0 + u * (15.0 - 6.0 * u))
+    return share_on_rails(min(place, length - place) - STATION, RAILS)
 
 
 @inlined_kernel
 def first_body(system, carriage):
     """Number of the first body of a vehicle, at whose joint the multiplier λ is."""
     return system.carriages.body_offset[carriage]
-
-
-@inlined_kernel
-def carried_mass(carriages, carriage):
-    """Mass (kg) of all bodies of a vehicle, with payload."""
-    mass = 0.0
-    for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        mass += carriages.mass[body]
-    return mass
 
 
 @kernel
