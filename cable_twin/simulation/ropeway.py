@@ -218,7 +218,7 @@ class Ropeway:
         )
         like, still = system.cable.gravity, no_turn(system.cable.gravity)
         vectors: dict[str, Any] = dict.fromkeys(
-            ("gravity", "like", "pivot", "moved", "force", "by_force", "residual", "carried"), like
+            ("gravity", "like", "pivot", "moved", "force", "by_force", "residual"), like
         )
         vectors |= {"direction": (0.0, 0.0, 0.0), "turned": still, "impedance": (like,) * len(like)}
         method = {"c": Coefficients(0.0, 0.0, 0.0, 0.0), "above": Above(like, still), "topmost": True}

@@ -42,7 +42,6 @@ from cable_twin.mechanics.solution.equations_of_motion import (
 GRAVITY = np.array([0.0, 0.0, -9.81])
 PLACE = np.array([0.2, 0.4, -0.1])
 WIND = np.array([4.0, -9.0, 1.5])
-CARRIED = np.array([30.0, -20.0, 170.0])  # N, on the upper pivot of the chain, in any direction
 DRAG = np.array([0.3, 2.5, 1.1])  # kg/m, along the axes of each body
 MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
 ELASTIC = {"bending_stiffness": 0.0}  # without bending the tangent of the cable is exact
@@ -100,8 +99,6 @@ def hanging(count, held, damped):
 
 class Moved:
     """Chain after rotations and displacements (bodies, 6) of its bodies and a rotation of the cable, by definition."""
-
-    carried = np.zeros(3)  # N, force on the upper pivot of the chain beside that of the rope
 
     def __init__(self, system, state, delta, tangent, spin, turn, hangs_at=PLACE):
         self.hangs_at = hangs_at
@@ -163,22 +160,15 @@ class Moved:
         last = len(self.axes) - 1
         for body, axes in enumerate(self.axes):
             below, turning = (forces[body + 1], moments[body + 1]) if body < last else (np.zeros(3), np.zeros(3))
-            above = forces[body] + (self.carried if body == 0 else 0.0)
-            row = carriages.mass[body] * (self.acceleration[body, :3] - GRAVITY) - above + below
+            row = carriages.mass[body] * (self.acceleration[body, :3] - GRAVITY) - forces[body] + below
             relative = WIND - self.velocity[body]
             row -= axes @ self.drag[body].reshape(3, 3) @ axes.T @ relative * np.linalg.norm(relative)
             inertia = axes @ carriages.inertia[body].reshape(3, 3) @ axes.T
             total = inertia @ self.acceleration[body, 3:] + cross(self.spin[body], inertia @ self.spin[body])
             up, low = axes @ carriages.upper_pivot[body], axes @ carriages.lower_pivot[body]
-            total += cross(low, below) - cross(up, above) + turning - moments[body]
+            total += cross(low, below) - cross(up, forces[body]) + turning - moments[body]
             rows.append([*row, *total])
         return np.ravel(rows)
-
-
-class Carried(Moved):
-    """A chain whose upper pivot rails hold as well."""
-
-    carried = CARRIED
 
 
 def stored_holding(moved, state):
@@ -202,12 +192,12 @@ def test_elimination_of_a_chain_is_a_dense_solution(count, held, damped):
     system, state, work, tangent, spin = hanging(count, held, damped)
     carriages = system.carriages
     displaced, turned = np.array([0.03, 0.02, -0.05]), 0.04 * cross(tangent, [0.3, -0.5, 0.8])
-    start = Carried(system, state, np.zeros((count, 6)), tangent, spin, np.zeros(3))
+    start = Moved(system, state, np.zeros((count, 6)), tangent, spin, np.zeros(3))
     holding = stored_holding(start, state)
     size, forces = 6 * count, 3 * count
 
     def equations(unknown, turn):
-        moved = Carried(system, state, unknown[:size].reshape(count, 6), tangent, spin, turn)
+        moved = Moved(system, state, unknown[:size].reshape(count, 6), tangent, spin, turn)
         lambdas = state.multipliers + unknown[size : size + forces].reshape(count, 3)
         return np.concatenate([moved.residual(lambdas, holding + unknown[size + forces :]), moved.gaps()])
 
@@ -224,7 +214,7 @@ def test_elimination_of_a_chain_is_a_dense_solution(count, held, damped):
     np.testing.assert_allclose(work.joint_gap, start.gaps()[:forces].reshape(count, 3), atol=1e-14)
     set_wind(state, WIND)
     drag_bodies(system, state, RATE_FACTOR, 1.0, work)
-    condense_chain(carriages, tuple(GRAVITY), state, 0, above, tuple(CARRIED), MASS_FACTOR, RATE_FACTOR, 1.0, work)
+    condense_chain(carriages, tuple(GRAVITY), state, 0, above, MASS_FACTOR, RATE_FACTOR, 1.0, work)
     matrix = np.block(
         [
             [work.impedance[0].reshape(3, 3), work.impedance_turning[0].reshape(3, 3)],

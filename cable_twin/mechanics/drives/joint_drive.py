@@ -17,6 +17,7 @@ from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, 
 from cable_twin.mechanics.on_rope.buffer import push_on
 from cable_twin.mechanics.on_rope.load_node import rope_passing
 from cable_twin.mechanics.on_rope.presence import vehicles_of
+from cable_twin.mechanics.on_rope.rails import force_of_ropes
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
 from cable_twin.mechanics.parameters import DRUM, JOINT, SPEED, IntArray, System
 from cable_twin.mechanics.rope.patch import at_node
@@ -95,7 +96,7 @@ def observe_haul(system, state, carriage):
 @kernel
 def joint_forces(system, state, carriage):
     """Forces (dim,) in N on a vehicle at its joint: of the cable, and of its haul rope or clamp (0 without one)."""
-    force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
+    force = force_of_ropes(system, state, carriage)
     pull = scale(0.0, force)
     if state.axis[carriage] == DRUM:
         pull = scale(pull_on_carriage(system, state, carriage), haul_direction(system, state, carriage))

@@ -11,8 +11,9 @@ from math import inf
 from cable_twin.mechanics.drives.speed_reference import approach_target, follow
 from cable_twin.mechanics.drives.stations import loop_coordinate, park
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import dot, load, scale
+from cable_twin.mechanics.language.vectors import dot, scale
 from cable_twin.mechanics.on_rope.presence import belongs, rides
+from cable_twin.mechanics.on_rope.rails import force_of_ropes
 from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.parameters import START
@@ -39,8 +40,7 @@ def moving_rope_force(system, state):
     force = by_acceleration + rate * squared + 2.0 * speed * by_rate
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and rides(system, state, carriage):
-            pull = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
-            force += dot(pull, pulled_slope(cable, state, carriage))
+            force += dot(force_of_ropes(system, state, carriage), pulled_slope(cable, state, carriage))
             force += tangent_moment(system, state, carriage)[1]
     for contact in range(system.towers.stiffness.size):
         r_x = slope(state.nodes.position, point_at(cable, state, state.contact_arc_length[contact]), cable.gravity)

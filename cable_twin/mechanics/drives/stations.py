@@ -12,10 +12,9 @@ from math import floor
 
 from cable_twin.mechanics.drives.speed_reference import follow
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import accumulate, add_scaled, scale
+from cable_twin.mechanics.language.vectors import add_scaled, scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
 from cable_twin.mechanics.on_rope.presence import keep_on, rides
-from cable_twin.mechanics.on_rope.rails import rail_force
 from cable_twin.mechanics.on_rope.sliding_joint import (
     joint_point,
     joint_tangent,
@@ -166,6 +165,3 @@ def put_on(system, state, carriage, place, speed, rate):
     acceleration = add_scaled(rate, r_x, add_scaled(1.0, r_tt, velocity_acceleration(cable, state, carriage)))
     hang_chain(system.carriages, state, carriage, joint, r_x)
     move_chain(system.carriages, cable.gravity, state, carriage, velocity, acceleration)
-    accumulate(
-        scale(-1.0, rail_force(system, state, carriage)), state.multipliers[system.carriages.body_offset[carriage]]
-    )

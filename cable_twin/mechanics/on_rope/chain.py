@@ -270,13 +270,10 @@ def impedance_of(body, chain, hinge_by_turn, hinge_by_above, rotation, held):
 
 
 @kernel
-def condense_chain(
-    carriages, gravity, state, carriage, above, carried, mass_factor, rate_factor, stiffness_factor, work
-):
+def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work):
     """Eliminate all bodies of a vehicle: force D Δr + b by joint displacement Δr; D, b in row body_offset[carriage].
 
-    Needs `joint_gap`, the orientation of the cable at the joint, `above` (`hinge.Above`), and the force `carried`
-    (dim,) in N with which rails hold the joint. From the last body
+    Needs `joint_gap`, and the orientation of the cable at the joint, `above` (`hinge.Above`). From the last body
     upwards: its residuals and tangents, its equations with the chain below, and the impedance of both at its pivot.
     """
     like, still = gravity, no_turn(gravity)
@@ -286,8 +283,6 @@ def condense_chain(
     for body in range(end - 1, first - 1, -1):
         mass, axes = carriages.mass[body], axes_of(state, body, like)
         force = load(state.multipliers[body], like)
-        if body == first:
-            force = add_scaled(1.0, carried, force)
         joint = hinge(carriages, state, body, body == first, above, stiffness_factor, rate_factor, like)
         up, low = arm_to(axes, carriages.upper_pivot[body], like), arm_to(axes, carriages.lower_pivot[body], like)
         if body == end - 1:

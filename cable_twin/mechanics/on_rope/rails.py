@@ -1,19 +1,18 @@
-"""Rails of stations, which carry a part of a vehicle's weight beside an end of its rope, straight upwards.
+"""Rails of stations beside an end of a rope, which hold a vehicle there, and hand it over to the rope.
 
-At the end they carry all of it, and less and less from there on, so that the rope takes a vehicle over as smoothly as
-from rails that sink away from under its wheels. They do work as such rails would.
+At the end they bear the vehicle alone, its weight and its inertia, and less and less from there on, as rails that sink
+away from under its wheels. They do work as such rails would.
 """
 
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel
-from cable_twin.mechanics.language.vectors import scale
-from cable_twin.mechanics.on_rope.chain import carriage_mass
+from cable_twin.mechanics.language.vectors import load, scale
 
 
 @inlined_kernel
 def share_on_rails(distance, rails):
-    """Share of a vehicle's weight on rails of a length `rails` (m), at a `distance` (m) from where they carry it all.
+    """Share of a vehicle that rails of a length `rails` (m) bear, at a `distance` (m) from where they bear it alone.
 
     It begins and ends without a jump of its rate or of the rate of that: 1 - 10 u³ + 15 u⁴ - 6 u⁵.
     """
@@ -22,10 +21,18 @@ def share_on_rails(distance, rails):
 
 
 @inlined_kernel
-def rail_force(system, state, carriage):
-    """Force (dim,) in N of station rails on the grip of a vehicle on a moving rope; 0 of vehicles without rails."""
+def share_on_rope(system, state, carriage):
+    """Share of the force on a vehicle on a moving rope that the rope bears, and rails do not; 1 without rails."""
     rails, place = system.carriages.rails[carriage], state.joints.position[carriage]
     if not rails > 0.0:
-        return scale(0.0, system.cable.gravity)
-    share = share_on_rails(min(place, system.cable.unstrained_length - place), rails)
-    return scale(-share * carriage_mass(system.carriages, carriage), system.cable.gravity)
+        return 1.0
+    return 1.0 - share_on_rails(min(place, system.cable.unstrained_length - place), rails)
+
+
+@inlined_kernel
+def force_of_ropes(system, state, carriage):
+    """Force (dim,) in N of all ropes on a vehicle at its joint: its multiplier λ, less what rails bear of it."""
+    force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
+    if system.carriages.rails[carriage] > 0.0:
+        force = scale(share_on_rope(system, state, carriage), force)
+    return force

@@ -10,9 +10,11 @@ from cable_twin.mechanics.language.vectors import (
     add_scaled,
     load,
     outer,
+    scale,
     subtract,
 )
 from cable_twin.mechanics.on_rope.buffer import with_neighbours
+from cable_twin.mechanics.on_rope.rails import force_of_ropes, share_on_rope
 
 
 class Impedance(NamedTuple):
@@ -29,8 +31,11 @@ class Impedance(NamedTuple):
 
 @inlined_kernel
 def contact_force(system, state, carriage):
-    """Force (dim,) in N of cable and own haul rope on a vehicle: its joint's multiplier λ less the force of a clamp."""
-    force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
+    """Force (dim,) in N of cable and own haul rope on a vehicle: its joint's multiplier λ less the force of a clamp.
+
+    Of a vehicle on station rails it is what the rails leave to the cable.
+    """
+    force = force_of_ropes(system, state, carriage)
     if state.clamp_holds[carriage]:
         force = subtract(force, load(state.clamp_force[carriage], force))
     return force
@@ -38,7 +43,10 @@ def contact_force(system, state, carriage):
 
 @inlined_kernel
 def impedance_at_pivot(system, state, carriage, work):
-    """Contact force of the cable alone on a vehicle, and its impedance at the joint with haul rope and buffers."""
+    """Contact force of the cable alone on a vehicle, and its impedance at the joint with haul rope and buffers.
+
+    Of a vehicle on station rails, the part of the impedance that the rails leave to the cable.
+    """
     first, like, still = system.carriages.body_offset[carriage], system.cable.gravity, no_turn(system.cable.gravity)
     force = contact_force(system, state, carriage)
     impedance = load(work.impedance[first], outer(0.0, like, like))
@@ -47,12 +55,16 @@ def impedance_at_pivot(system, state, carriage, work):
         force, impedance, residual = with_haul_rope(carriage, force, impedance, residual, work)
     if system.buffers.present:
         force, impedance = with_neighbours(system, state, carriage, force, impedance, work)
+    turning, moment = load(work.impedance_turning[first], outer(0.0, like, still)), outer(0.0, still, like)
+    if system.carriages.rails[carriage] > 0.0:
+        borne = share_on_rope(system, state, carriage)
+        impedance, residual, turning = scale(borne, impedance), scale(borne, residual), scale(borne, turning)
     return Impedance(
         force,
         impedance,
-        load(work.impedance_turning[first], outer(0.0, like, still)),
+        turning,
         residual,
-        load(work.impedance_moment[first], outer(0.0, still, like)),
+        load(work.impedance_moment[first], moment),
         load(work.impedance_turn[first], outer(0.0, still, still)),
         load(work.impedance_force[first, len(like) :], still),
     )

@@ -37,7 +37,6 @@ from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joi
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.load_node import follow_joints
 from cable_twin.mechanics.on_rope.presence import rides
-from cable_twin.mechanics.on_rope.rails import rail_force
 from cable_twin.mechanics.on_rope.sliding_joint import (
     add_joint,
     direction_above,
@@ -153,9 +152,10 @@ def assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, wor
         drag_bodies(system, state, rate_factor, stiffness_factor, work)
     for carriage in range(carriages.fixed.size):
         if rides(system, state, carriage):
-            above, carried = direction_above(system, state, carriage), rail_force(system, state, carriage)
-            factors = mass_factor, rate_factor, stiffness_factor
-            condense_chain(carriages, cable.gravity, state, carriage, above, carried, *factors, work)
+            above = direction_above(system, state, carriage)
+            condense_chain(
+                carriages, cable.gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work
+            )
             condense_drive(system, state, carriage, mass_factor, rate_factor, work)
     if system.buffers.present:
         predict_contacts(system, state, rate_factor, stiffness_factor, work)
