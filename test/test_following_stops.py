@@ -85,6 +85,19 @@ def test_of_several_drives_all_that_move_have_to_stop_at_once(of_two, other, sto
     assert all(stop.time == pytest.approx(BEGUN, abs=0.4) for stop in told[:1])
 
 
+@pytest.mark.parametrize("heard", [True, False], ids=["with its force", "without"])
+def test_a_carriage_that_swings_on_its_haul_rope_is_no_emergency_stop_as_its_force_says(heard):
+    scenario = load_scenario("aerial_tramway")
+    rope, track = scenario.haul_ropes["cabin"], scenario.cable.unstrained_length
+    stops, told = EmergencyStops(scenario), []
+    for time, way in places():
+        behind = 0.14 * (1.0 - np.cos(2.8 * max(time - BEGUN, 0.0)))  # m, as 40 m behind the tower
+        if heard:
+            stops.pull(time, "cabin", 20e3 + behind * rope.axial_stiffness / (rope.beyond_track + track - way))
+        told += [stops.measure(time, "cabin", way - round(behind, 2))]
+    assert any(told) == (not heard)  # else it looks like a stop
+
+
 def test_places_where_a_vehicle_cannot_be_are_leaps():
     leaps = Leaps()
     assert not any(leaps.note(*one) for one in places(deceleration=1.5))

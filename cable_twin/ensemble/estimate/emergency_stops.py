@@ -1,7 +1,9 @@
 """Detection of a plant's emergency stop by its encoders: a deceleration that no service stop has, and its beginning.
 
 Until the deceleration a vehicle moves at a constant speed, for the span of a fit: the fit has a kink of the speed's
-rate, at each moment that may be its beginning, and the best one counts.
+rate, at each moment that may be its beginning, and the best one counts. A carriage on an elastic haul rope is shaken
+behind a tower as well, while its drive goes on: force and stiffness of the rope tell where the drive is, and in a stop
+that leaves its constant speed before the carriage, and by more.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ ROUGH, SMALL = 0.1, 5e-3  # of the lag behind the constant speed, and m, that a 
 SLOWEST = 1.0  # m/s, below which a service stop is as good
 LAG = 0.3  # s, by which a carriage on its haul rope begins to slow down later than its drive, as it seems to a fit
 TOGETHER = 1.5  # s, within which several drives stop at once: as long as a stop takes to show, and what they differ by
+DRIVEN = 0.5  # of what its carriage leaves a constant speed by, that a drive has to: 9 to 24 in stops, 0.3 in a swing
 CONTRAST = 1.3  # times the service deceleration, above which an emergency stop is told from it
 
 
@@ -42,8 +45,48 @@ def decelerations(scenario: Scenario, name: str) -> tuple[float, float]:
     return one.limits.service_deceleration, one.limits.emergency_deceleration
 
 
+class HaulRope:
+    """Elastic haul rope of a carriage, which tells where its drive is.
+
+    Args:
+        scenario: of the twin.
+        name: of the carriage.
+    """
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        self._rope = scenario.haul_ropes[name]
+        self._track = scenario.cables[scenario.rope_of(scenario.carriages[name])].unstrained_length
+        self._forces: deque[tuple[float, float]] = deque()  # s and N, of the last `SPAN`
+
+    def clear(self) -> None:
+        """Forget all forces."""
+        self._forces.clear()
+
+    def pull(self, time: float, force: float) -> None:
+        """Add the force (N) of the drive at a time (s)."""
+        if self._forces and time <= self._forces[-1][0]:
+            return
+        self._forces.append((time, force))
+        while time - self._forces[0][0] > SPAN:
+            self._forces.popleft()
+
+    def explains(self, times: FloatArray, places: FloatArray, begun: float) -> bool:
+        """Whether the drive has kept a constant speed while its carriage, at places (m) at times (s), has not.
+
+        Nothing is explained without a force since the carriage began to slow down, at `begun` (s).
+        """
+        if len(self._forces) < 2 or self._forces[-1][0] <= begun:
+            return False
+        known, forces = np.array(self._forces).T
+        during = (times >= known[0]) & (times <= known[-1])
+        times, places = times[during], places[during]
+        free = self._rope.beyond_track + (self._track - places if self._rope.station == "end" else places)
+        drive = places + np.interp(times, known, forces) * free / self._rope.axial_stiffness
+        return len(times) >= FEWEST and _uneven(times, drive) < DRIVEN * _uneven(times, places)
+
+
 class EmergencyStops:
-    """Detector of emergency stops by the places that the encoders of a plant measure.
+    """Detector of emergency stops by the places that the encoders of a plant measure, and forces of haul ropes.
 
     Args:
         scenario: of the twin, whose drives have a service and an emergency deceleration. Of several drives all that
@@ -53,16 +96,23 @@ class EmergencyStops:
     def __init__(self, scenario: Scenario) -> None:
         of_all = {name: decelerations(scenario, name) for name in command_limits(scenario)}
         self._decelerations = {name: one for name, one in of_all.items() if one[1] > CONTRAST * one[0]}
-        hauled = any(one.drive.haul_rope is not None for one in scenario.carriages.values())
-        self._lag = LAG if hauled else 0.0
+        self._ropes = {name: HaulRope(scenario, name) for name in scenario.haul_ropes}
+        self._lag = LAG if self._ropes else 0.0
         self._places: Mapping[str, deque[tuple[float, float]]] = {name: deque() for name in self._decelerations}
         self._stopping: dict[str, Stop] = {}  # of each of several drives, lately
 
     def clear(self) -> None:
-        """Forget all measured places."""
+        """Forget all measured places and forces."""
         self._stopping.clear()
+        for rope in self._ropes.values():
+            rope.clear()
         for kept in self._places.values():
             kept.clear()
+
+    def pull(self, time: float, name: str, force: float) -> None:
+        """Add the force (N) of the drive of a carriage at a time (s)."""
+        if name in self._ropes:
+            self._ropes[name].pull(time, force)
 
     def measure(self, time: float, name: str, place: float) -> Stop | None:
         """Add the place (m) of a carriage or drive at a time (s); returns an emergency stop that has begun lately."""
@@ -81,6 +131,8 @@ class EmergencyStops:
         lag = 0.5 * slower * begun**2
         stuck = slower * -begun > abs(speed)  # a brake does not turn a vehicle round; places that stay seem to fit that
         if abs(speed) < SLOWEST or slower < least or stuck or off > max(SMALL, ROUGH * lag):
+            return None
+        if name in self._ropes and self._ropes[name].explains(times, places, time + begun):
             return None
         kept.clear()
         self._stopping[name] = Stop(name, float(time + begun) - self._lag, abs(speed), abs(speed) / emergency)
@@ -115,6 +167,11 @@ def _kink(times: FloatArray, places: FloatArray) -> tuple[float, float, float, f
     for middle in 0.5 * (times[1:] + times[:-1]):
         stepped = min(stepped, _fitted(times, np.where(times > middle, 1.0, 0.0), places)[1])
     return best if best[-1] < stepped else (*best[:-1], np.inf)
+
+
+def _uneven(times: FloatArray, places: FloatArray) -> float:
+    """Deviation (m) of places (n,) from a constant speed."""
+    return _fitted(times, np.zeros_like(times), places)[1]
 
 
 def _fitted(times: FloatArray, shape: FloatArray, places: FloatArray) -> tuple[FloatArray, float]:

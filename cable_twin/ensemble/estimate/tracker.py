@@ -72,6 +72,7 @@ class Tracker:
         self._moved = -np.inf  # s, when the plant was last seen, or commanded, to move
         self._silences = Silences()
         self._encoders = {name: one.of for name, one in scenario.sensors.items() if one.kind == "encoder"}
+        self._forces = {name: one.of for name, one in scenario.sensors.items() if one.kind == "drive_force"}
         self._first, self._waits = 0.0, False  # s, of the first measurement since it listens; whether it said why
         self._cannot = False  # whether it said why it cannot begin
         self._heard = -np.inf  # s, of the newest measurements while it waits
@@ -90,7 +91,11 @@ class Tracker:
     def measure(self, measurements: Sequence[Measurement], arrival: float) -> None:
         """Accept measurements that arrive at a time (s) of this computer's clock."""
         for one in self.arrivals.put(measurements, arrival):
-            if self.state != FOLLOWING or one.sensor not in self._encoders or one.sensor in self.follower.left_out:
+            if self.state != FOLLOWING or one.sensor in self.follower.left_out:
+                continue
+            if one.sensor in self._forces:
+                self._stops.pull(one.time, self._forces[one.sensor], one.values[0])
+            if one.sensor not in self._encoders:
                 continue
             stop = self._stops.measure(one.time, self._encoders[one.sensor], one.values[0])
             if stop is not None and not self._pursuit.stopped:
