@@ -26,7 +26,7 @@ ROUGH, SMALL = 0.1, 5e-3  # of the lag behind the constant speed, and m, that a 
 SLOWEST = 1.0  # m/s, below which a service stop is as good
 LAG = 0.3  # s, by which a carriage on its haul rope begins to slow down later than its drive, as it seems to a fit
 TOGETHER = 1.5  # s, within which several drives stop at once: as long as a stop takes to show, and what they differ by
-DRIVEN = 0.5  # of what its carriage leaves a constant speed by, that a drive has to: 9 to 24 in stops, 0.3 in a swing
+DRIVEN = 0.5  # of what a carriage leaves a constant speed by, that its drive has to: 0.3 in a swing, 1.1 on in a stop
 CONTRAST = 1.3  # times the service deceleration, above which an emergency stop is told from it
 
 
