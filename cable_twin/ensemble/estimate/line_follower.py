@@ -25,6 +25,7 @@ from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, L
 from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Estimate, Reading, Slow, readings
 from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts, fault_of_drive
+from cable_twin.ensemble.estimate.unlike_motion import UnlikeMotion
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Snapshot
@@ -48,7 +49,6 @@ REMEMBERED, SUDDEN = 15.0, 9.0  # windows over which fast errors are averaged, a
 NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves: its load is left out
 STARTING = 0.05  # m/s^2, of the drive, from which on it is left out: what it moves is not known so well
 SURE = 1e-7  # as that of `follower`
-UNLIKE, CALMS = 0.15, 10.0  # m/s between drives of plant and twin, and s after it, in which forces are left out
 REACH = 2.0  # m, by which the twin may be from its plant while it follows, and still be where it is
 PLAN = 0.05  # of the capacity, by which a payload may differ from the plan without an alarm
 HIDDEN = 0.012  # of the load at rest: error of the model in the force of a tower
@@ -206,8 +206,7 @@ class LineFollower:
         self._since, self._speed = 0.0, (0.0, 0.0)
         self._departures, self._waves = Departures(), LineWaves()
         self._alarms: list[Alarm] = []  # of this window
-        self._places_of: dict[str, deque[tuple[float, float, float]]] = {}  # time, place, speed of the twin, by encoder
-        self._unlike_until = -np.inf  # s, until when forces are not compared
+        self._unlike = UnlikeMotion()
         self._fastest = max(one.speed for one in command_limits(scenario).values())  # m/s
         self._followed: _Followed | None = None  # as of the last window in which the twin was where the plant was
 
@@ -254,7 +253,7 @@ class LineFollower:
         self._plan = snapshot.columns.payload[self._rows].copy()
         self._forget(np.flatnonzero(~aboard).tolist())
         self._zero, self._since, self._sums, self._speed = time, time, {}, (0.0, 0.0)
-        self._places_of.clear()
+        self._unlike.clear()
         self.doubts.forget()
 
     def _aboard(self, time: float, snapshot: Snapshot) -> NDArray[np.bool_]:
@@ -313,11 +312,11 @@ class LineFollower:
         snapshot = self._advance(time)
         self._exchange(snapshot)
         numbers = snapshot.numbers[None, :]
-        self._note_motion(time, snapshot, measurements)
+        self._note_motion(snapshot, measurements)
         alarms = self.doubts.of_samples(time, measurements, snapshot.numbers)
         for one in measurements:
             sensor = self.doubts.taken(one.sensor)
-            if time < self._unlike_until or not sensor or not self._counts(sensor, snapshot):
+            if self._unlike.lasts(time) or not sensor or not self._counts(sensor, snapshot):
                 continue
             reading, row = self.readings[sensor], self._effects(sensor, snapshot)
             sample = _Sample(reading.measured(one), float(reading.of(numbers)[0]), row)
@@ -330,7 +329,7 @@ class LineFollower:
         self._note_followed(time, snapshot, measurements)
         return correction
 
-    def _note_motion(self, time: float, snapshot: Snapshot, measurements: Sequence[Measurement]) -> None:
+    def _note_motion(self, snapshot: Snapshot, measurements: Sequence[Measurement]) -> None:
         """Leave out all forces for some seconds where a drive of the plant moves otherwise than that of the twin.
 
         In its emergency stop they are those of brakes and waves, which tell nothing of payloads and friction.
@@ -338,16 +337,9 @@ class LineFollower:
         for one in measurements:
             if one.sensor not in self._encoders or one.sensor in self.left_out:
                 continue
-            places = self._places_of.setdefault(one.sensor, deque())
             own = float(snapshot.columns.drive_speed[snapshot.layout.drive_rows[self._of[one.sensor]]])
-            places.append((one.time, one.values[0], own))
-            while one.time - places[0][0] > WINDOW:
-                places.popleft()
-            lasted = one.time - places[0][0]
-            if lasted > 0.5 * WINDOW:
-                speed = (one.values[0] - places[0][1]) / lasted
-                if abs(speed - float(np.mean([twin for *_, twin in places]))) > UNLIKE:
-                    self._unlike_until, self._sums = time + CALMS, {}
+            if self._unlike.note(one.time, one.sensor, one.values[0], own):
+                self._sums = {}
 
     def _advance(self, time: float) -> Snapshot:
         return self._twin.advance_to(max(time - self._zero, self._twin.time))
