@@ -9,6 +9,7 @@ import pytest
 
 from cable_twin.ensemble.estimate.biases import Biases
 from cable_twin.ensemble.estimate.kalman import Belief
+from cable_twin.ensemble.estimate.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
 from cable_twin.frame.sensors import Sensors, standard_sensors
 from cable_twin.scenario import load_scenario
@@ -68,3 +69,13 @@ def test_an_error_that_others_explain_hardly_is_named_of_a_sensor_that_is_kept()
             biases.note(["cell", "other"], np.array([1.0, 0.45]), np.zeros((2, 1)), np.ones(2), belief, True, elsewhere)
         named.append(biases.surely()[0])
     assert named == ["", "zero"]
+
+
+def test_a_load_cell_that_is_wrong_unless_another_one_is_is_told_once_and_not_left_out():
+    biases, doubts = Biases({"cell": 5.0, "other": 5.0}, 1, 0), Doubts({})
+    belief, elsewhere = Belief(np.zeros(1), 1e-9 * np.eye(1)), {"other": np.array([1.0, 0.45])}
+    for _ in range(80):
+        biases.note(["cell", "beside"], np.array([1.0, 0.45]), np.zeros((2, 1)), np.ones(2), belief, True, elsewhere)
+    (told,) = [alarm.reason for time in (1.0, 2.0) for alarm in biases.judge(time, belief, doubts)[1]]
+    assert told.startswith("sensor other seems to be wrong by 1 N: ")
+    assert not doubts.left_out

@@ -7,7 +7,7 @@ them, tell its size, and how likely it is (generalised likelihood ratio, Willsky
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -23,7 +23,7 @@ from cable_twin.mechanics.parameters import FloatArray
 WRONG = 0.05  # of the load of a support at rest, by which its load cell may be wrong, a standard deviation
 RARER = 4.0  # logarithm of how much rarer a wrong sensor is than none
 DOUBT = 2e-9  # probability of all else, below which a sensor counts as wrong; so small as waves last for some updates
-RIVALS = 1e-3  # the same of errors of all others alone, of a sensor that is kept with its error
+RIVALS = 1e-3  # the same of errors of all others alone, of a sensor that is kept with its error, or only suspected
 REFUTED = -2.0  # logarithm of how likely, below which a sensor was right so far, and may become wrong from now on
 HALVINGS = 30  # of the range in which a quantile of a mixture is
 RECENT, RENEWED = 2, 5  # hypotheses of each sensor that may be recent, and updates after which one of them begins anew
@@ -149,13 +149,17 @@ class Biases:
             later = self._likelier.reshape(1 + self._recent, -1)[1:]
             self._restart((np.arange(1 + self._recent)[:, None] == 1 + later.argmin(axis=0)).ravel())
 
-    def surely(self) -> tuple[str, float]:
-        """Sensor that is wrong for sure and its error; an empty name where there is none."""
+    def surely(self, rivals: float = DOUBT) -> tuple[str, float]:
+        """Sensor that is wrong for sure and its error; an empty name where there is none.
+
+        Args:
+            rivals: probability of errors of all others, below which it is this one of a sensor that is not kept.
+        """
         weights = self._weights(self._sensors)
         shares = {str(name): float(weights[self._sensors == name].sum()) for name in self._sensors}
         worst = max(shares, key=lambda name: shares[name])
-        rivals = sum(shares.values()) - shares[worst]
-        if max(1.0 - sum(shares.values()), 0.0) > DOUBT or rivals > (RIVALS if worst in self._kept else DOUBT):
+        beside = sum(shares.values()) - shares[worst]
+        if max(1.0 - sum(shares.values()), 0.0) > DOUBT or beside > (RIVALS if worst in self._kept else rivals):
             return "", 0.0
         return worst, float(self._sizes @ np.where(self._sensors == worst, weights, 0.0))
 
@@ -167,13 +171,16 @@ class Biases:
     def judge(self, time: float, belief: Belief, doubts: Doubts, may_name: bool = True) -> tuple[Belief, list[Alarm]]:
         """Leave out a sensor that is wrong for sure; returns the belief without those left out by now, and alarms.
 
+        One that seems to be wrong, unless another one is, is told before, and counts as far as it may be right.
+
         Args:
             time: s.
             belief: of the filter.
             doubts: about its sensors.
             may_name: False where a fault of the plant may explain as much as a wrong sensor, so that none is left out.
         """
-        alarms, (wrong, error) = [], self.surely() if may_name else ("", 0.0)
+        alarms = [*self._suspect(time, doubts)] if may_name and not self._recent else []
+        wrong, error = self.surely() if may_name else ("", 0.0)
         if wrong and wrong not in (*self._kept, *doubts.left_out):
             text = f"sensor {wrong} contradicts all others by {with_unit(error, 'N', 2)} and is left out"
             alarms.append(doubts.leave_out(wrong, time, text))
@@ -181,6 +188,14 @@ class Biases:
             belief = self.without(belief, name)
             self._undone.add(name)
         return belief, alarms
+
+    def _suspect(self, time: float, doubts: Doubts) -> Iterator[Alarm]:
+        """Alarm about a sensor that seems to be wrong, but not for sure, once."""
+        wrong, error = self.surely(RIVALS)
+        if wrong not in ("", *self._kept, *doubts.mistrusted, *doubts.left_out) and not self.surely()[0]:
+            doubts.mistrusted.add(wrong)
+            unless = f"that another load cell is instead has a probability below {100.0 * RIVALS:g} %"
+            yield Alarm(time, f"sensor {wrong} seems to be wrong by {with_unit(error, 'N', 2)}: {unless}")
 
     def believed(self, belief: Belief) -> Belief:
         """Belief over all hypotheses, each as likely as it is: mean and covariance of their mixture."""

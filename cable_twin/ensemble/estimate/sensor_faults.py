@@ -73,6 +73,7 @@ class Doubts:
 
     Attributes:
         left_out: sensors that are left out for good, each with its alarm.
+        mistrusted: sensors of which it was said that they seem to be wrong.
 
     Args:
         readings: of the sensors by name.
@@ -91,6 +92,7 @@ class Doubts:
         self._negatives: dict[str, int] = {}  # the same with the other sign
         self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
         self.left_out: dict[str, Alarm] = {}
+        self.mistrusted: set[str] = set()
 
     def taken(self, sensor: str) -> str:
         """Sensor that a measurement named `sensor` counts for, the other one if swapped; empty if left out."""
