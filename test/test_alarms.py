@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_twin.ensemble.estimate.alarms import CERTAIN, REMEMBERED, Departures, Expected
-from cable_twin.ensemble.estimate.biases import RECENT, RENEWED, Biases
-from cable_twin.ensemble.estimate.changes import SURELY_CHANGED, best_change
+from cable_twin.ensemble.estimate.detectors.biases import RECENT, RENEWED, Biases
+from cable_twin.ensemble.estimate.detectors.changes import SURELY_CHANGED, best_change
+from cable_twin.ensemble.estimate.detectors.departures import CERTAIN, REMEMBERED, Departures, Expected
 from cable_twin.ensemble.estimate.kalman import Belief, predict, update
 from cable_twin.ensemble.estimate.quantities import Estimate, slow_quantities
 from cable_twin.ensemble.estimate.tracker import Tracker

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cable_twin.ensemble.estimate.biases import Biases
+from cable_twin.ensemble.estimate.detectors.biases import Biases
+from cable_twin.ensemble.estimate.detectors.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.kalman import Belief
-from cable_twin.ensemble.estimate.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
 from cable_twin.frame.sensors import Sensors, standard_sensors
 from cable_twin.scenario import load_scenario

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.correction import Correction
-from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops, Stop
-from cable_twin.ensemble.estimate.leaps import HELD, Leaps
-from cable_twin.ensemble.estimate.line_waves import LineWaves
+from cable_twin.ensemble.estimate.detectors.emergency_stops import EmergencyStops, Stop
+from cable_twin.ensemble.estimate.detectors.jumps import HELD, Leaps
+from cable_twin.ensemble.estimate.detectors.sensor_faults import LEAPT_SAMPLES
+from cable_twin.ensemble.estimate.detectors.silences import QUIET, Silences
 from cable_twin.ensemble.estimate.pursuit import APART, FRESH, Pursuit
 from cable_twin.ensemble.estimate.quantities import Estimate
-from cable_twin.ensemble.estimate.sensor_faults import LEAPT_SAMPLES
-from cable_twin.ensemble.estimate.silences import QUIET, Silences, Unheard
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, WAITING, Tracker
+from cable_twin.ensemble.estimate.waves import LineWaves, Unheard
 from cable_twin.frame.records import Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.scenario import load_scenario

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_twin.ensemble.estimate.jumps import HALF, ROUGHER, SMALLEST, Jumps
+from cable_twin.ensemble.estimate.detectors.jumps import HALF, ROUGHER, SMALLEST, Jumps
+from cable_twin.ensemble.estimate.detectors.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.quantities import Errors, Reading
-from cable_twin.ensemble.estimate.sensor_faults import Doubts
 from cable_twin.frame.sensors import Measurement
 
 QUANTUM = 0.01  # m

@@ -22,11 +22,11 @@ from rich.console import Console
 from rich.progress import track
 from scipy.stats import chi2
 
-from cable_twin.ensemble.estimate.alarms import CERTAIN
+from cable_twin.ensemble.estimate.detectors.alarm import Alarm
+from cable_twin.ensemble.estimate.detectors.departures import CERTAIN
+from cable_twin.ensemble.estimate.detectors.windows import SURE
 from cable_twin.ensemble.estimate.quantities import QUANTISED, slow_quantities
-from cable_twin.ensemble.estimate.sensor_faults import Alarm
 from cable_twin.ensemble.estimate.tracker import Tracker
-from cable_twin.ensemble.estimate.windows import SURE
 from cable_twin.frame.records import Command
 from cable_twin.frame.sensors import LOAD_CELL, Measurement, standard_sensors
 from cable_twin.frame.snapshot import Snapshot

@@ -13,8 +13,8 @@ import numpy as np
 
 from cable_twin import Ensemble
 from cable_twin.ensemble.estimate.correction import Correction
+from cable_twin.ensemble.estimate.detectors.alarm import Alarm
 from cable_twin.ensemble.estimate.follower import Follower
-from cable_twin.ensemble.estimate.sensor_faults import Alarm
 from cable_twin.ensemble.estimate.tracker import News, Tracker
 from cable_twin.frame.records import AppliedCommand, Command, FloatArray
 from cable_twin.frame.sensors import Measurement, Sensors

@@ -15,7 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import IO, NamedTuple
 
 from cable_twin.basics.newest import NewestLines
-from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops
+from cable_twin.ensemble.estimate.detectors.emergency_stops import EmergencyStops
 from cable_twin.ensemble.estimate.followers import unfollowable
 from cable_twin.ensemble.estimate.pursuit import pursuit_of
 from cable_twin.ensemble.estimate.tracker import ALONE, BEHIND, FOLLOWING, SILENT

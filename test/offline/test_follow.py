@@ -13,6 +13,7 @@ from recorded_run import snapshots_of
 from cable_twin import Ensemble
 from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.ensemble.estimate.correction import Correction
+from cable_twin.ensemble.estimate.detectors.sensor_faults import STUCK_SAMPLES, Doubts
 from cable_twin.ensemble.estimate.follower import Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
 from cable_twin.ensemble.estimate.line_follower import LineFollower
@@ -26,7 +27,6 @@ from cable_twin.ensemble.estimate.quantities import (
     slow_quantities,
 )
 from cable_twin.ensemble.estimate.scatter import Scatter
-from cable_twin.ensemble.estimate.sensor_faults import STUCK_SAMPLES, Doubts
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.messages import ESTIMATE, statuses_of_message

@@ -8,7 +8,7 @@ from copy import deepcopy
 
 import numpy as np
 
-from cable_twin.ensemble.estimate.biases import Biases
+from cable_twin.ensemble.estimate.detectors.biases import Biases
 from cable_twin.ensemble.estimate.kalman import Belief, Terms, corrected, gain_of, reset
 from cable_twin.ensemble.estimate.quantities import SLOW
 from cable_twin.ensemble.estimate.swings import ANY_SWING

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from cable_twin.ensemble.estimate.detectors.alarm import Alarm
 from cable_twin.ensemble.estimate.quantities import Estimate
-from cable_twin.ensemble.estimate.sensor_faults import Alarm
 
 
 class Correction(NamedTuple):

@@ -18,15 +18,16 @@ import numpy as np
 import scipy  # loads `special` where it is used
 
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
-from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, has_moved, values_at, with_offsets
-from cable_twin.ensemble.estimate.biases import WRONG as WRONG_CELL
-from cable_twin.ensemble.estimate.biases import Biases
 from cable_twin.ensemble.estimate.boarding import Boarding
-from cable_twin.ensemble.estimate.changes import with_doubt_of_change
 from cable_twin.ensemble.estimate.correction import Correction
-from cable_twin.ensemble.estimate.counterweights import Stuck, hold, mass_of, stops_of
-from cable_twin.ensemble.estimate.encoder_zeros import ZERO, Displaced, with_zero
+from cable_twin.ensemble.estimate.detectors import biases, windows
+from cable_twin.ensemble.estimate.detectors.alarm import Alarm
+from cable_twin.ensemble.estimate.detectors.changes import with_doubt_of_change
+from cable_twin.ensemble.estimate.detectors.counterweights import Stuck, hold, mass_of, stops_of
+from cable_twin.ensemble.estimate.detectors.departures import Departures, Expected
+from cable_twin.ensemble.estimate.detectors.encoder_zeros import ZERO, Displaced, with_zero
+from cable_twin.ensemble.estimate.detectors.sensor_faults import PLANT, Doubts
 from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update
 from cable_twin.ensemble.estimate.linear_range import any_swing, doubt_steps, loads_went_far, slopes, wind_went_far
 from cable_twin.ensemble.estimate.quantities import (
@@ -48,10 +49,8 @@ from cable_twin.ensemble.estimate.quantities import (
     weights_of,
 )
 from cable_twin.ensemble.estimate.scatter import SLOWER, WAVING, Scatter, excuse
-from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts
 from cable_twin.ensemble.estimate.standing import Standing
 from cable_twin.ensemble.estimate.swings import ANY_SWING, PRIOR, SIZE, anchored, carried, growth, swings
-from cable_twin.ensemble.estimate.windows import SURE, Row, contradiction, excused, fault_of, passes_a_tower, stuck_by
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Layout
@@ -122,8 +121,8 @@ class Follower:
         deviations = [self._deviation, np.full(len(self._fast), PRIOR), errors]
         self._belief = Belief(mean, np.diag(np.concatenate(deviations) ** 2))
         cells = [(name, one.of) for name, one in scenario.sensors.items() if one.kind == "load_cell"]
-        wrong = {name: WRONG_CELL * scale[of] for name, of in cells} | dict.fromkeys(self._displaced.encoders, ZERO)
-        self._biases = Biases(wrong, mean.size, recent=0, kept=self._displaced.encoders)
+        wrong = {name: biases.WRONG * scale[of] for name, of in cells} | dict.fromkeys(self._displaced.encoders, ZERO)
+        self._biases = biases.Biases(wrong, mean.size, recent=0, kept=self._displaced.encoders)
         self._biases.expect(dict(zip(self.readings, errors.tolist(), strict=True)))
         self._boarding = Boarding(self._deviation, len(self._fast), payload_places(self.slow, self._layout))
         self._points, self._at_tower, self._stirred = self._stencil(self._belief), False, 0.0
@@ -131,7 +130,7 @@ class Follower:
         self._change(rest=True)
         self._swing()
         self.zeros: dict[str, float] = {}  # m, by carriage
-        self._rows: list[Row] = []
+        self._rows: list[windows.Row] = []
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
         self._shaken = 0.0  # s, until when the plant stops all at once
@@ -254,8 +253,8 @@ class Follower:
                 reading = self.readings[sensor]
                 value = reading.measured(one)
                 variance = self._variance(reading) + (TIMING * float(np.linalg.norm(rates[reading.places]))) ** 2
-                self._rows.append(Row(sensor, value, reading.of(numbers), variance, numbers))
-        if (passes_a_tower(numbers[0, self._tracks], self._towers) or time < self._shaken) != self._at_tower:
+                self._rows.append(windows.Row(sensor, value, reading.of(numbers), variance, numbers))
+        if (windows.passes_a_tower(numbers[0, self._tracks], self._towers) or time < self._shaken) != self._at_tower:
             self._at_tower = not self._at_tower
             self._stirred = max(self._stirred, 1.0)
             self._rows, self._since, self._from = [], time, time
@@ -470,22 +469,22 @@ class Follower:
         for number, one in enumerate(self._fast):
             self._ensemble.swing(self._first + number, [one.turn(SIZE)])
 
-    def _consistent(self, time: float, alarms: list[Alarm]) -> list[Row]:
+    def _consistent(self, time: float, alarms: list[Alarm]) -> list[windows.Row]:
         """Rows of a window without a sensor that contradicts all others; adds an alarm for one that keeps doing so."""
         self._doubt_what_changed()
         of, contradicting = self._contradicting()
-        stuck = stuck_by(self._scenario, of, self._held) if contradicting == PLANT else Stuck()
-        reason = stuck.reason or fault_of(self._scenario, self.readings, of.get(contradicting, []))
+        stuck = windows.stuck_by(self._scenario, of, self._held) if contradicting == PLANT else Stuck()
+        reason = stuck.reason or windows.fault_of(self._scenario, self.readings, of.get(contradicting, []))
         told = self.doubts.judge(time, contradicting, reason)
         alarms += told
         self._astray = {}
         if contradicting == PLANT:
             self._stuck = stuck if told else self._stuck
-            self._astray = contradiction(self.readings, of)
+            self._astray = windows.contradiction(self.readings, of)
             return []
         one, _, other = contradicting.partition("/")
         if not other:
-            return [row for name in of if name != one for row in excused(of[name], self._linear, self._belief)]
+            return [row for name in of if name != one for row in windows.excused(of[name], self._linear, self._belief)]
         to = {one: other, other: one}
         return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
 
@@ -504,7 +503,7 @@ class Follower:
         walk = one.walk * (FASTER if self._departures.told(self.time, one.name) else 1.0)
         return boarding_walk(one, self._scenario, self._layout, numbers) or walk
 
-    def _contradicting(self) -> tuple[dict[str, list[Row]], str]:
+    def _contradicting(self) -> tuple[dict[str, list[windows.Row]], str]:
         """Measurements of a window by sensor, and the sensor or swapped pair of sensors that contradicts all others."""
         of = {name: [row for row in self._rows if row.sensor == name] for name in self._rows_of}
 
@@ -512,7 +511,7 @@ class Follower:
             found = {}
             for sensor in sensors:
                 rows = [self._read_as(row, to[sensor]) for row in of[sensor]] if sensor in to else of[sensor]
-                limit = float(scipy.special.chdtri(len(rows), SURE))
+                limit = float(scipy.special.chdtri(len(rows), windows.SURE))
                 innovation, jacobian, variance = self._linear(rows)
                 variance = variance + excuse(innovation, variance)
                 found[sensor] = normalised_square(innovation, jacobian, variance, self._belief.covariance) / limit
@@ -539,12 +538,12 @@ class Follower:
             sensors, assumed = [row.sensor for row in self._rows], np.array([row.variance for row in self._rows])
             self._scatter.note(lasted, sensors, self._linear(self._rows)[0], assumed)
 
-    def _read_as(self, row: Row, sensor: str) -> Row:
+    def _read_as(self, row: windows.Row, sensor: str) -> windows.Row:
         """Row of a measurement with the prediction and variance of another sensor, to test for swapped sensors."""
         reading = self.readings[sensor]
         return row._replace(sensor=sensor, predicted=reading.of(row.numbers), variance=self._variance(reading))
 
-    def _linear(self, rows: Sequence[Row]) -> Terms:
+    def _linear(self, rows: Sequence[windows.Row]) -> Terms:
         """Innovation (m,), Jacobian (m, n) and noise variance (m,) of the measurements in rows of a window."""
         count = len(self.slow) + len(self._fast)
         predicted = np.array([row.predicted[: self._first + len(self._fast)] for row in rows])

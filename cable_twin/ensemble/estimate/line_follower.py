@@ -16,16 +16,17 @@ import numpy as np
 import scipy  # loads `special` where it is used
 from numpy.typing import NDArray
 
-from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
-from cable_twin.ensemble.estimate.biases import WRONG, Biases
 from cable_twin.ensemble.estimate.correction import Correction
+from cable_twin.ensemble.estimate.detectors.alarm import Alarm
+from cable_twin.ensemble.estimate.detectors.biases import WRONG, Biases
+from cable_twin.ensemble.estimate.detectors.departures import Departures, Expected
+from cable_twin.ensemble.estimate.detectors.sensor_faults import PLANT, Doubts, fault_of_drive
+from cable_twin.ensemble.estimate.detectors.unlike_motion import UnlikeMotion
 from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square, predict, reset, update, within
 from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, LineStatics, drag_of_wind
-from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Estimate, Reading, Slow, readings
-from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts, fault_of_drive
-from cable_twin.ensemble.estimate.unlike_motion import UnlikeMotion
+from cable_twin.ensemble.estimate.waves import LineWaves
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Snapshot

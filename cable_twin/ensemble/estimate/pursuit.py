@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cable_twin.ensemble.estimate.emergency_stops import Stop
-from cable_twin.ensemble.estimate.leaps import Leaps
+from cable_twin.ensemble.estimate.detectors.emergency_stops import Stop
+from cable_twin.ensemble.estimate.detectors.jumps import Leaps
 from cable_twin.scenario import Scenario, command_limits
 
 FRESH = 0.6  # s, for which a command of the plant, or a measured place, holds

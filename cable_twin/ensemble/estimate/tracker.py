@@ -10,10 +10,11 @@ import numpy as np
 
 from cable_twin.ensemble.estimate.arrivals import HORIZON, Arrivals, Item
 from cable_twin.ensemble.estimate.correction import Correction
-from cable_twin.ensemble.estimate.emergency_stops import EmergencyStops, Stop, decelerations
+from cable_twin.ensemble.estimate.detectors.emergency_stops import EmergencyStops, Stop, decelerations
+from cable_twin.ensemble.estimate.detectors.silences import Silences
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of
 from cable_twin.ensemble.estimate.pursuit import pursuit_of
-from cable_twin.ensemble.estimate.silences import Silences, Unheard
+from cable_twin.ensemble.estimate.waves import Unheard
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import Scenario, command_limits

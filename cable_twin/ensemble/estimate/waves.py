@@ -1,48 +1,40 @@
-"""Silent plants: sensors that say nothing while others speak, and doubt about a twin that goes on by its model."""
+"""Doubt about forces whose waves have other phases in the twin than in the plant, as after a stop or in a silence."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
+
+import numpy as np
 
 from cable_twin.ensemble.estimate.correction import Correction
-from cable_twin.ensemble.estimate.line_waves import LineWaves
 from cable_twin.ensemble.estimate.quantities import Estimate
-from cable_twin.frame.sensors import Measurement
 
-QUIET, SELDOM = 3.0, 5.0  # s without a sample, and times the longest time between its samples, from which one is silent
+CALMED, MEAN = 40.0, 10.0  # s, in which the waves calm down, and over which their size is taken
 SWINGING = 5.0  # s of silence, after which a carriage may swing as one whose drive has stopped
 
 
-class Silences:
-    """Lines about sensors of a plant that are silent while others speak."""
+class LineWaves:
+    """Variances of forces by waves that were stirred: twice what these have in the twin.
+
+    That is the variance of the difference of two waves of this size whose phases have nothing in common.
+    """
 
     def __init__(self) -> None:
-        self._last: dict[str, float] = {}  # s, of the last sample
-        self._usual: dict[str, float] = {}  # s, longest time between two samples
-        self._silent: set[str] = set()
+        self._stirred = -np.inf  # s
+        self._moments: dict[str, tuple[float, float, float]] = {}  # time (s), mean (N) and mean square (N^2)
 
-    def clear(self) -> None:
-        """Forget all samples, as after a silence of the whole plant."""
-        self._last.clear()
-        self._silent.clear()
+    def stir(self, time: float) -> None:
+        """Begin to doubt forces at a time (s)."""
+        self._stirred = time
 
-    def note(self, time: float, measurements: Sequence[Measurement], left_out: Collection[str]) -> list[str]:
-        """Add the samples of a time (s); returns lines about sensors that have fallen silent, or are back."""
-        lines = []
-        for one in measurements:
-            since = time - self._last.get(one.sensor, time)
-            if one.sensor in self._silent:
-                self._silent.discard(one.sensor)
-                lines.append(f"sensor {one.sensor} is back after {since:.1f} s")
-            else:
-                self._usual[one.sensor] = max(self._usual.get(one.sensor, 0.0), since)
-            self._last[one.sensor] = time
-        for name, last in self._last.items():
-            quiet = time - last > max(QUIET, SELDOM * self._usual[name])
-            if quiet and name not in self._silent and name not in left_out:
-                self._silent.add(name)
-                lines.append(f"sensor {name} is silent since {last:.1f} s, for {time - last:.1f} s, while others speak")
-        return lines
+    def variance(self, time: float, name: str, force: float) -> float:
+        """Variance (N^2) of a force (N) by name at a time (s), which is asked for window by window."""
+        before, mean, square = self._moments.get(name, (time, force, force**2))
+        new = 1.0 - float(np.exp(min(before - time, 0.0) / MEAN))
+        mean, square = mean + new * (force - mean), square + new * (force**2 - square)
+        self._moments[name] = time, mean, square
+        share = float(np.exp(min(self._stirred - time, 0.0) / CALMED))
+        return 2.0 * share * (max(square - mean**2, 0.0) + (force - mean) ** 2)
 
 
 class Unheard:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.basics.units import with_unit
+from cable_twin.ensemble.estimate.detectors.alarm import Alarm, with_deviation
 from cable_twin.ensemble.estimate.quantities import Estimate
-from cable_twin.ensemble.estimate.sensor_faults import Alarm, with_deviation
 
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not the expected one
 SUDDEN = 2.0  # the same of a sudden change, for which measurements speak already

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cable_twin.basics.units import with_unit
+from cable_twin.ensemble.estimate.detectors.windows import Row
 from cable_twin.ensemble.estimate.quantities import PLACE_ERROR, Reading
-from cable_twin.ensemble.estimate.windows import Row
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario

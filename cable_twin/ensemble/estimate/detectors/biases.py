@@ -15,9 +15,10 @@ import scipy  # loads `special` where it is used
 from numpy.typing import NDArray
 
 from cable_twin.basics.units import with_unit
-from cable_twin.ensemble.estimate.alarms import CERTAIN
+from cable_twin.ensemble.estimate.detectors.alarm import Alarm
+from cable_twin.ensemble.estimate.detectors.departures import CERTAIN
+from cable_twin.ensemble.estimate.detectors.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.kalman import Belief
-from cable_twin.ensemble.estimate.sensor_faults import Alarm, Doubts
 from cable_twin.mechanics.parameters import FloatArray
 
 WRONG = 0.05  # of the load of a support at rest, by which its load cell may be wrong, a standard deviation

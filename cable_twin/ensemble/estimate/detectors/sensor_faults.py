@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from cable_twin.basics.units import with_unit
-from cable_twin.ensemble.estimate.jumps import ROUGHER, SMALLEST, Jumps
-from cable_twin.ensemble.estimate.leaps import Leaps
+from cable_twin.ensemble.estimate.detectors.alarm import Alarm
+from cable_twin.ensemble.estimate.detectors.jumps import ROUGHER, SMALLEST, Jumps, Leaps
 from cable_twin.ensemble.estimate.quantities import LEAST_FORCE, Reading
 from cable_twin.frame.sensors import Measurement
 from cable_twin.mechanics.parameters import FloatArray
@@ -30,19 +29,6 @@ LOST = 0.1  # share of the force of a drive, from which on its sensor is not the
 
 # squares of the innovations by sensor, over their limit; some sensors may be taken for others
 Squares = Callable[[Sequence[str], Mapping[str, str]], Mapping[str, float]]
-
-
-class Alarm(NamedTuple):
-    """Alarm about the plant or a sensor: time and reason."""
-
-    time: float  # s
-    reason: str
-    of_payload: bool = False  # of which a lift has many, as people come
-
-
-def with_deviation(value: float, deviation: float, unit: str) -> str:
-    """Text of an estimate and its standard deviation, both in SI units, in readable units."""
-    return f"{with_unit(value, unit)}, standard deviation {with_unit(deviation, unit, 2)}"
 
 
 def fault_of_drive(reading: Reading, drive: str, got: float, wanted: float) -> str:

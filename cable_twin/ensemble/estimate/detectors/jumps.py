@@ -1,8 +1,9 @@
-"""Detection of encoder jumps: steps in the difference of encoder and twin, distinguished from waves and drifts.
+"""Detection of encoders that jump by little against their twin, or leap to where their vehicle cannot be.
 
-A bounce of the plant, or a quantum of the sensor, each looks like a step to some fits. A jump is a step of about the
-same size to all of them: polynomials of several degrees over windows of several lengths about one moment, each with a
-step there; and it is between two samples.
+A jump is a step in the difference of encoder and twin, distinguished from waves and drifts: a bounce of the plant, or a
+quantum of the sensor, each looks like a step to some fits. A jump is one of about the same size to all of them:
+polynomials of several degrees over windows of several lengths about one moment, each with a step there; and it is
+between two samples. A leap is known by the encoder alone: its vehicle cannot have come there since the sample before.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ ALIKE = 2.0  # times the smallest step of all fits, which the largest one is at 
 SHARP, BESIDE, ABOUT = 0.8, 2, 2  # share of the step that is between the means of two samples beside the middle
 FLIPS, FLIP = 6, 1.5  # fewest changes of more than that many deviations where places are spread over quanta
 LOST = 3.5  # times the usual time between two samples, up to which lost ones are interpolated
+FASTEST = 3.0  # m/s^2, more than any vehicle accelerates or brakes by
+NEAREST, NOISES = 0.3, 10.0  # m, and standard deviations of a sample, by which a place is beyond that at least
+HELD = 20  # samples one after the other elsewhere, after which the encoder is followed there
 
 
 class _Fit:
@@ -93,3 +97,39 @@ class Jumps:
         at_once = max(sign * (values[one : one + BESIDE].mean() - values[one - BESIDE : one].mean()) for one in moments)
         spread = np.count_nonzero(np.abs(np.diff(values)) > FLIP * self._noise) >= FLIPS
         return float(sign * size) if at_once > max(SHARP * size, 0.0 if spread else least) else 0.0
+
+
+class Leaps:
+    """Detector of leaps of one encoder, by its last two places where it was expected.
+
+    Everybody who follows an encoder has one of his own, as each begins anew at other times.
+
+    Args:
+        noise: standard deviation of a sample, m.
+    """
+
+    def __init__(self, noise: float = 0.0) -> None:
+        self._least = max(NEAREST, NOISES * noise)
+        self._kept: deque[tuple[float, float]] = deque(maxlen=2)  # s and m
+        self._elsewhere = 0  # samples one after the other
+
+    def clear(self) -> None:
+        """Forget the last places, as after a gap."""
+        self._kept.clear()
+        self._elsewhere = 0
+
+    def note(self, time: float, place: float) -> float:
+        """Distance (m) of a sample at a time (s) from where its vehicle may be; 0 where it may be there."""
+        if len(self._kept) == 2 and self._elsewhere < HELD:
+            (first, start), (last, end) = self._kept
+            since, between = time - last, max(last - first, 1e-3)
+            away = place - end - (end - start) / between * since
+            if abs(away) > self._least + 0.5 * FASTEST * since * (since + between):
+                self._elsewhere += 1
+                return away
+        elif self._elsewhere:
+            self.clear()
+        self._elsewhere = 0
+        if not self._kept or time > self._kept[-1][0]:
+            self._kept.append((time, place))
+        return 0.0

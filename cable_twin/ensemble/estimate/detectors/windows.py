@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import scipy.special
 
-from cable_twin.ensemble.estimate.counterweights import Stuck, stuck_counterweight
+from cable_twin.ensemble.estimate.detectors.counterweights import Stuck, stuck_counterweight
+from cable_twin.ensemble.estimate.detectors.sensor_faults import fault_of_drive, negative
 from cable_twin.ensemble.estimate.kalman import Belief, Terms, normalised_square
 from cable_twin.ensemble.estimate.quantities import NEAR, Reading
 from cable_twin.ensemble.estimate.scatter import excuse
-from cable_twin.ensemble.estimate.sensor_faults import fault_of_drive, negative
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 
