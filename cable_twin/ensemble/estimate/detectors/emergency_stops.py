@@ -45,8 +45,8 @@ def decelerations(scenario: Scenario, name: str) -> tuple[float, float]:
     return one.limits.service_deceleration, one.limits.emergency_deceleration
 
 
-class HaulRope:
-    """Elastic haul rope of a carriage, which tells where its drive is.
+class DrivePlaces:
+    """Places of the drive of a carriage on an elastic haul rope, by the stiffness of the rope and forces of the drive.
 
     Args:
         scenario: of the twin.
@@ -70,10 +70,10 @@ class HaulRope:
         while time - self._forces[0][0] > SPAN:
             self._forces.popleft()
 
-    def explains(self, times: FloatArray, places: FloatArray, begun: float) -> bool:
+    def steady(self, times: FloatArray, places: FloatArray, begun: float) -> bool:
         """Whether the drive has kept a constant speed while its carriage, at places (m) at times (s), has not.
 
-        Nothing is explained without a force since the carriage began to slow down, at `begun` (s).
+        False without a force since the carriage began to slow down, at `begun` (s).
         """
         if len(self._forces) < 2 or self._forces[-1][0] <= begun:
             return False
@@ -96,23 +96,23 @@ class EmergencyStops:
     def __init__(self, scenario: Scenario) -> None:
         of_all = {name: decelerations(scenario, name) for name in command_limits(scenario)}
         self._decelerations = {name: one for name, one in of_all.items() if one[1] > CONTRAST * one[0]}
-        self._ropes = {name: HaulRope(scenario, name) for name in scenario.haul_ropes}
-        self._lag = LAG if self._ropes else 0.0
+        self._drives = {name: DrivePlaces(scenario, name) for name in scenario.haul_ropes}
+        self._lag = LAG if self._drives else 0.0
         self._places: Mapping[str, deque[tuple[float, float]]] = {name: deque() for name in self._decelerations}
         self._stopping: dict[str, Stop] = {}  # of each of several drives, lately
 
     def clear(self) -> None:
         """Forget all measured places and forces."""
         self._stopping.clear()
-        for rope in self._ropes.values():
-            rope.clear()
+        for drive in self._drives.values():
+            drive.clear()
         for kept in self._places.values():
             kept.clear()
 
     def pull(self, time: float, name: str, force: float) -> None:
         """Add the force (N) of the drive of a carriage at a time (s)."""
-        if name in self._ropes:
-            self._ropes[name].pull(time, force)
+        if name in self._drives:
+            self._drives[name].pull(time, force)
 
     def measure(self, time: float, name: str, place: float) -> Stop | None:
         """Add the place (m) of a carriage or drive at a time (s); returns an emergency stop that has begun lately."""
@@ -132,7 +132,7 @@ class EmergencyStops:
         stuck = slower * -begun > abs(speed)  # a brake does not turn a vehicle round; places that stay seem to fit that
         if abs(speed) < SLOWEST or slower < least or stuck or off > max(SMALL, ROUGH * lag):
             return None
-        if name in self._ropes and self._ropes[name].explains(times, places, time + begun):
+        if name in self._drives and self._drives[name].steady(times, places, time + begun):
             return None
         kept.clear()
         self._stopping[name] = Stop(name, float(time + begun) - self._lag, abs(speed), abs(speed) / emergency)
