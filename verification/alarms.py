@@ -238,8 +238,9 @@ def observable(fault: Fault, plain: Readings) -> Observable:
     tolerated = plain.of(fault.tolerated, fault.tolerated_start)
     spoils = fault.spoils() if not fault.about else None
     signal = plain.of(fault.steps, fault.start, spoils) - tolerated
-    times = [plain.time_of(signal, effects, fault.limit) for effects in ([], plain.effects(fault.about, fault.at))]
-    return Observable(*times)
+    rolls = plain.rolls(fault.at) if fault.about == "/payload" else 0.0
+    doubted = plain.time_of(signal, plain.effects(fault.about, fault.at), fault.limit, rolls)
+    return Observable(plain.time_of(signal, [], fault.limit), doubted)
 
 
 def trial(name: str, fault: Fault, seed: int, took: list[float], plain: Readings | None = None) -> Outcome:

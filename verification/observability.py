@@ -5,7 +5,8 @@ differ by a signal in Gaussian noise. The best test that there is, the likelihoo
 tell it once the square sum of its samples in standard deviations is beyond the square of the threshold at which the
 alarm is given. That is for one who knows all else. What a twin doubts, payload, friction, wind, sudden changes of
 both, ice, counterweight and slow errors of sensors, are further signals of unknown size: what they can explain does
-not count.
+not count. Of a payload that changes in a station nothing counts until its carriage rolls: rollers hold an unknown share
+of its weight along the track, and how it changes, at once or by and by, and so how the ropes bounce, is not known.
 """
 
 from __future__ import annotations
@@ -15,12 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cable_twin.ensemble.estimate.quantities import (
-    QUANTISED,
-    WIND_WALK,
-    readings,
-    slow_quantities,
-)
+from cable_twin.ensemble.estimate.quantities import QUANTISED, SLOW, WIND_WALK, readings, slow_quantities
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import Scenario, load_scenario
@@ -95,6 +91,13 @@ class Readings:
         known = [*self._doubts, *self._sudden.get(at, [])]
         return [effect for name, effect in known if not without or not name.endswith(without)]
 
+    def rolls(self, at: float) -> float:
+        """Time (s) from which on a carriage rolls that stands at a time (s); that time where none stands."""
+        encoders = [self._columns[name] for name, one in self._twin.sensors.items() if one.kind == "encoder"]
+        speeds = np.abs(np.diff((self.of() * self._noise)[:, encoders], axis=0)) * self._rate
+        rolling = np.flatnonzero((speeds > SLOW).any(axis=1)) / self._rate
+        return float(rolling[rolling >= at].min(initial=self._duration))
+
     def _sudden_effects(self, at: float) -> list[tuple[str, FloatArray]]:
         """Likewise of sudden changes at a time (s) of friction and wind, not of payloads, which change in stations."""
         plain, found = self.of(), list[tuple[str, FloatArray]]()
@@ -135,11 +138,19 @@ class Readings:
             found.append((f"error of {name}", error))
         return found
 
-    def time_of(self, signal: FloatArray, effects: Sequence[FloatArray], limit: float) -> float:
-        """Time (s) at which a signal (samples, sensors) weighs a limit, less what doubted effects explain of it."""
+    def time_of(self, signal: FloatArray, effects: Sequence[FloatArray], limit: float, since: float = 0.0) -> float:
+        """Time (s) at which a signal (samples, sensors) weighs a limit, less what doubted effects explain of it.
+
+        Args:
+            signal: in standard deviations.
+            effects: signals of the doubted quantities, each of a standard deviation.
+            limit: square of standard deviations.
+            since: s, from when on samples count.
+        """
         size = len(effects)
         known, towards, total = np.eye(size), np.zeros(size), 0.0
-        for sample, row in enumerate(signal):
+        first = round(since * self._rate)
+        for sample, row in enumerate(signal[first:], first):
             seen = np.flatnonzero(np.isfinite(row))
             own = np.array([effect[sample, seen] for effect in effects]).reshape(size, seen.size)
             own = np.nan_to_num(own)

@@ -48,7 +48,7 @@ from cable_twin.ensemble.estimate.quantities import (
     stencil,
     weights_of,
 )
-from cable_twin.ensemble.estimate.scatter import SLOWER, WAVING, Scatter, excuse
+from cable_twin.ensemble.estimate.scatter import WAVING, Scatter, excuse
 from cable_twin.ensemble.estimate.standing import Standing
 from cable_twin.ensemble.estimate.swings import ANY_SWING, PRIOR, SIZE, anchored, carried, growth, swings
 from cable_twin.frame.records import AppliedCommand
@@ -205,6 +205,7 @@ class Follower:
 
     def _roll(self) -> None:
         """Forget how carriages were held that roll from this window on, and what their drives told in their stand."""
+        self._scatter.stir(self._standing.held)
         rows = [self._belief.mean.size - self._errors.size + row for row in self._standing.rows]
         self._belief = reset(self._belief, rows, 0.0, self._usual_errors[self._standing.rows])
         self._biases.forget(rows)
@@ -524,12 +525,9 @@ class Follower:
         stirred = 0.0 if self._standing.doubts(reading.name) else self._stirred
         return reading.noise**2 + reading.fast.variance(stirred, self._at_tower)
 
-    def _unexplained(self, unit: str, sensor: str = "") -> float:
-        """Variance of a quantity at one moment by errors of the model that sensors of its kind show by their scatter.
-
-        Waves that shake a drive by some force change all tensions by about as much, and angles are those of one swing.
-        """
-        alike = {name for name, one in self.readings.items() if one.unit == unit != "m"} | {sensor} - {""}
+    def _unexplained(self, unit: str) -> float:
+        """Variance of a hidden quantity at one moment by waves: what shakes a sensor of its unit changes it as much."""
+        alike = [name for name, one in self.readings.items() if one.unit == unit]
         return max(map(self._scatter.unexplained, alike), default=0.0)
 
     def _note_scatter(self, lasted: float) -> None:
@@ -554,8 +552,7 @@ class Follower:
         columns = [count + self._rows_of[row.sensor] for row in rows]
         jacobian[range(len(rows)), columns] = 1.0
         innovation = np.array([row.value for row in rows]) - predicted[:, 0] - jacobian @ self._pending(self._belief)
-        others = {row.sensor: SLOWER**2 * self._unexplained(self.readings[row.sensor].unit, row.sensor) for row in rows}
-        return innovation, jacobian, np.array([row.variance + others[row.sensor] for row in rows])
+        return innovation, jacobian, np.array([row.variance + self._scatter.lasting(row.sensor) for row in rows])
 
     def _pending(self, belief: Belief) -> FloatArray:
         """Differences (n,) of a belief from the quantities of the middle member."""

@@ -6,7 +6,7 @@ about the variance of the waves, and that of noise is zero.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -62,6 +62,15 @@ class Scatter:
     def expect(self) -> None:
         """Take all that scatters for waves at first, as who boards has excited waves."""
         self._expected = 1.0
+
+    def stir(self, deviations: Mapping[str, float]) -> None:
+        """Expect waves with standard deviations in some sensors, by name, as if the last windows had shown them."""
+        for sensor, one in deviations.items():
+            self._found[sensor], self._last[sensor] = (one**2, 0.0, 1.0), (one**2, one**2)
+
+    def lasting(self, sensor: str) -> float:
+        """Variance of waves in a sensor's samples, of which so many count as independent: as large as in their mean."""
+        return SLOWER**2 * self.unexplained(sensor)
 
     def note(self, lasted: float, sensors: Sequence[str], differences: FloatArray, assumed: FloatArray) -> None:
         """Update the average variances of waves by the samples of one window.

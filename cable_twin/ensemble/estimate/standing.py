@@ -22,6 +22,7 @@ class Standing:
 
     Attributes:
         errors: (sensors,) standard deviations (N) of drive forces now, 0 of others.
+        held: standard deviations (N) of drive forces, by sensor, while carriages stand that were stirred.
 
     Args:
         scenario: with carriages and sensors.
@@ -36,7 +37,8 @@ class Standing:
             grips[name] = one.friction.rolling * mass * scenario.gravity
         every = float(np.linalg.norm([*grips.values()]))  # on one haul rope
         forces = {name: scenario.sensors[name].of for name in readings if scenario.sensors[name].kind == "drive_force"}
-        self._held = np.array([HELD * grips.get(forces[name], every) if name in forces else 0.0 for name in readings])
+        self.held = {name: HELD * grips.get(of, every) for name, of in forces.items()}
+        self._held = np.array([self.held.get(name, 0.0) for name in readings])
         self._forces, self._speeds = forces, layout.places.speed
         self.errors = np.zeros(len(readings))
 
