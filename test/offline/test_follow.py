@@ -308,6 +308,34 @@ def test_a_plant_that_is_shaken_as_no_twin_is_widens_bands_and_gives_no_alarm(me
     assert payload.deviation > before[-1].slow["cabin/payload"].deviation
 
 
+def test_waves_of_a_counterweight_are_no_doubt_of_the_drive(measured, calm):
+    """People who board let a counterweight bounce by some kN; the force of the drive tells their weight as before."""
+
+    def changed(one):
+        if one.sensor != "load_start" or one.time < 3.0:
+            return one
+        shaken = 1.0 + 1e4 * np.sin(5.7 * one.time) / np.linalg.norm(one.values)
+        return replace(one, values=tuple(shaken * value for value in one.values))
+
+    _, before = calm
+    follower, corrections = followed(measured, changed)
+    assert not follower.left_out
+    got, usual = (one[-1].slow["cabin/payload"].deviation for one in (corrections, before))
+    assert got < 1.3 * usual
+
+
+def test_waves_of_carriages_that_begin_to_roll_are_expected():
+    """What rollers held in a stand, 500 N, shakes the drive from then on, until its samples tell how much it does."""
+    scatter = Scatter(("force", "load"))
+    scatter.stir({"force": 500.0})
+    assert scatter.unexplained("force") == 500.0**2
+    assert scatter.lasting("force") > 500.0**2
+    assert scatter.lasting("load") == 0.0
+    for _ in range(20):
+        scatter.note(2.0, ["force"] * 20, np.random.default_rng(1).standard_normal(20), np.full(20, 300.0**2))
+    assert scatter.lasting("force") == 0.0
+
+
 def test_waves_are_told_from_noise_and_from_a_jump():
     """Noise three times as large as assumed, a sensor that is wrong from some moment on, and waves of 0.9 Hz."""
     draws, scatter = np.random.default_rng(1), Scatter(("noisy", "wrong", "shaken"))
