@@ -69,7 +69,7 @@ class Scatter:
             self._found[sensor], self._last[sensor] = (one**2, 0.0, 1.0), (one**2, one**2)
 
     def lasting(self, sensor: str) -> float:
-        """Variance of waves in a sensor's samples, of which so many count as independent: as large as in their mean."""
+        """Variance of waves in a sensor's samples, taken as independent although waves last for seconds."""
         return SLOWER**2 * self.unexplained(sensor)
 
     def note(self, lasted: float, sensors: Sequence[str], differences: FloatArray, assumed: FloatArray) -> None:
