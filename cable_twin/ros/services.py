@@ -141,6 +141,8 @@ class Services:
         else:
             when = applied.time if applied is not None else self._loop.simulated_time
             response.success, response.message = True, f"{kind.done} at {when:.3f} s of simulated time"
+            if kind.name == "reset" and self._loop.paused and not self._loop.stepping:
+                self._loop.step()  # a frame that shows it, on all topics and in the log
         return response
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

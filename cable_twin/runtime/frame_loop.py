@@ -148,6 +148,11 @@ class FrameLoop:
         return self._simulation.emergency_stopped
 
     @property
+    def stepping(self) -> bool:
+        """Whether requested frames are computed while paused."""
+        return bool(self._stepping)
+
+    @property
     def urgent(self) -> bool:
         """Whether urgent commands wait for the next frame boundary."""
         return bool(self._urgent)

@@ -299,7 +299,9 @@ def set_step_count(twin, count):
     assert result.successful, result.reason
 
 
-def test_pause_and_step(twin):
+def test_pause_step_and_reset(twin):
+    with twin.stream(**MOVING):
+        twin.until(lambda: twin.arc_length > 60.5, what="a cabin away from the start")
     refusal = twin.call("step", Trigger)
     assert not refusal.success
     assert "not paused" in refusal.message
@@ -312,6 +314,10 @@ def test_pause_and_step(twin):
         assert twin.call("step", Trigger).success
     twin.until(lambda: len(twin.received["joint_states"]) == count + 3)
     assert gaps(twin.received["joint_states"])[-3:] == [FRAME] * 3
+    assert twin.call("reset", Trigger).success
+    twin.until(lambda: len(twin.received["joint_states"]) == count + 4, what="a frame that shows the reset")
+    assert twin.arc_length == pytest.approx(60.0, abs=1e-3)
+    assert gaps(twin.received["joint_states"])[-1:] == [FRAME]
     twin.next_diagnostics()
     assert twin.task("pace") == (0, "paused")
     paused_at = stamps(twin.received["joint_states"])[-1]
