@@ -17,6 +17,11 @@ KMH = r"carriages.cabin.drive.limits.speed of 36 m/s: ropeways run at up to 15 m
         ("aerial_tramway", {"carriages.cabin.drive.limits.speed": 36.0}, KMH),
         ("chairlift", {"sheaves.drive.drive.limits.speed": 18.0}, "limits.speed of 18 m/s: .*; 18 km/h are 5 m/s"),
         (
+            "chairlift",
+            {"sheaves.drive.drive.limits.speed": 9.0},
+            "speed of 9 m/s: lifts run at up to 8.5 m/s; 9 km/h are 2.5 m/s",
+        ),
+        (
             "single_span",
             {"carriages.cabin.friction.rolling": 0.5},
             "rolling of 0.5: .*; 0.5 % are 0.005",

@@ -27,7 +27,8 @@ STATION = 0.25  # of the mean span, below which towers carry a bend of the rope 
 SHAKE = 0.01  # of the depth in a saddle, by which a vehicle may rise and sink from contact point to contact point
 STEPS = 5.0  # in an element that a joint with a node of its own passes, below which its force is wrong, measured
 STEPS_IN_SWING = 12.0  # below which its period is off by 2.5 % and more, of generalized-alpha with a radius of 0.7
-FASTEST = 15.0  # m/s: the fastest aerial tramways run at 12.5, lifts at up to 8.5
+FASTEST = 15.0  # m/s: the fastest aerial tramways run at 12.5
+FASTEST_LIFT = 8.5  # m/s, on two or three ropes; chairs run at up to 6, gondolas on one rope at up to 7
 ROUGHEST = 0.1  # of rolling friction: of lined rollers 0.003 to 0.03
 LIGHTEST = 0.02  # of the mass of a vehicle, below which a payload is hardly one: of chairs and cabins 0.5 to 2
 REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from which on nothing grows, measured
@@ -52,18 +53,22 @@ def check_pressure(system: System, rope: CableSamples) -> None:
 
 def warn_of_units(scenario: Scenario) -> None:
     """Warn of speeds, friction and payloads that are hardly those of a ropeway, as in km/h, in % and in t."""
-    limits = {f"{scenario.drive_key(name)}.limits": one.limits for name, one in scenario.drives.items()}
+    lift = ("lifts", FASTEST_LIFT) if scenario.carriers else ("ropeways", FASTEST)
+    limits = {f"{scenario.drive_key(name)}.limits": (one.limits, *lift) for name, one in scenario.drives.items()}
+    limits |= {
+        f"carriages.{name}.drive.limits": (one.drive.limits, "ropeways", FASTEST)
+        for name, one in scenario.carriages.items()
+    }
     rolling = {f"carriages.{name}": one.friction.rolling for name, one in scenario.carriages.items()}
     kinds: dict[str, Carriage | CarrierKind] = {f"carriages.{name}": one for name, one in scenario.carriages.items()}
-    limits |= {f"carriages.{name}.drive.limits": one.drive.limits for name, one in scenario.carriages.items()}
     if scenario.carriers is not None:
         rolling["carriers"] = scenario.carriers.friction.rolling
         kinds |= {".".join(path): kind for path, kind in scenario.carriers.kinds_by_path.items()}
     told = []
-    for key, one in limits.items() if kinds else ():
-        if (speed := one.speed or 0.0) > FASTEST:
+    for key, (one, what, fastest) in limits.items() if kinds else ():
+        if (speed := one.speed or 0.0) > fastest:
             told.append(
-                f"{key}.speed of {speed:g} m/s: ropeways run at up to {FASTEST:g} m/s; {speed:g} km/h are "
+                f"{key}.speed of {speed:g} m/s: {what} run at up to {fastest:g} m/s; {speed:g} km/h are "
                 f"{speed / 3.6:.3g} m/s"
             )
     for key, share in rolling.items():
