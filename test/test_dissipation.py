@@ -108,6 +108,15 @@ def test_the_advice_mends_it():
     assert mended[ENERGY_LOST].verdict == "kept"
 
 
+def test_the_joint_of_the_paper_is_told_as_the_cause_and_mending_it_helps():
+    shaken, _ = figures_of(Simulation(load_scenario("seed_example", {"limits.energy_lost": 0.005})), 15.0)
+    assert shaken[ENERGY_LOST].verdict == "not kept"
+    assert "let cable.joint be node" in shaken[ENERGY_LOST].place
+    changes = {"limits.energy_lost": 0.005, "cable.joint": "node"}
+    mended, _ = figures_of(Simulation(load_scenario("seed_example", changes)), 15.0)
+    assert mended[ENERGY_LOST].verdict == "kept"
+
+
 @pytest.mark.parametrize(
     ("name", "command"),
     [
