@@ -251,6 +251,31 @@ def test_a_plant_that_is_somewhere_else_is_begun_with_anew(measured):
     tracker.follower.close()
 
 
+@pytest.mark.parametrize(("reads", "again"), [("another place", True), ("what it did before", False)])
+def test_an_encoder_that_is_left_out_counts_again_where_a_plant_that_was_silent_is_elsewhere(measured, reads, again):
+    """As of a plant that was started again; an encoder that is stuck is left out behind a silence as well."""
+    scenario, found = measured
+    tracker, lines, stuck = tracker_of(scenario), [], None
+    for number in range(300):
+        now = 0.05 * (number + 1)
+        if now > 4.0 and stuck is None:
+            stuck = tracker.follower.place_of("encoder_cabin")
+            tracker.follower.doubts.leave_out("encoder_cabin", now, "sensor encoder_cabin is stuck")
+        place = {"another place": 400.0, "what it did before": stuck}[reads] if now > 9.0 else stuck
+        arrived = [one for one in found if now - 0.05 < one.time <= now and not 5.0 < one.time <= 9.0]
+        if stuck is not None:
+            arrived = [replace(one, values=(place,)) if one.sensor == "encoder_cabin" else one for one in arrived]
+            tracker.command({"cabin": SPEED}, now)
+        tracker.measure(arrived, now)
+        lines += [line for news in tracker.advance(now) for line in news.lines]
+    assert any(line.startswith("the plant is back at 9.") for line in lines)
+    assert ("encoder_cabin" not in tracker.follower.left_out) == again
+    begun = [line for line in lines if line.startswith("follows the plant from ")]
+    assert [line.partition(": ")[2] for line in begun[1:]] == ["cabin at 400.00 m with 0.00 m/s"] * again
+    assert any("from the twin, which begins anew there; sensor encoder_cabin, which" in line for line in lines) == again
+    tracker.follower.close()
+
+
 def test_a_twin_that_is_too_far_behind_begins_anew_at_the_present(measured, monkeypatch):
     scenario, found = measured
     monkeypatch.setattr("cable_twin.ensemble.estimate.tracker.BEHIND", 2.0)

@@ -76,7 +76,8 @@ class SecondTwinError(RuntimeError):
         name, domain = node.get_fully_qualified_name(), node.context.get_domain_id()
         super().__init__(
             f"a twin named {name} runs already in ROS domain {domain}: "
-            "give this one another name, as with --ros-args -r __ns:=/b, or allow both with --allow-second"
+            "end it, give this one another name, as with --ros-args -r __ns:=/b, or another ROS_DOMAIN_ID, or allow "
+            "both with --allow-second"
         )
 
 

@@ -103,12 +103,12 @@ class LiveFollowing(Companion):
         return well and not last.left_out and not self.shut, text, values
 
     def shut_out(self, topics: Sequence[str]) -> None:
-        """Leave out the messages of topics on which several plants publish, and log each change."""
+        """Leave out the messages of topics on which several plants publish, and log changes in a line each way."""
         now = frozenset(topics)
-        for topic in sorted(now - self.shut):
-            self._say(f"several plants publish on {topic}: it is left out until one of them is gone")
-        for topic in sorted(self.shut - now):
-            self._say(f"one plant alone publishes on {topic}: it is followed again")
+        if more := ", ".join(sorted(now - self.shut)):
+            self._say(f"several plants publish on {more}: left out until one of them is gone, seconds after a kill")
+        if again := ", ".join(sorted(self.shut - now)):
+            self._say(f"one plant alone publishes on {again}: followed again")
         self.shut = now
 
     def ended(self) -> None:

@@ -434,8 +434,8 @@ def test_a_second_twin_of_one_name_is_refused_and_another_name_is_listed(running
     second = processes(*arguments, domain=first.domain)
     assert second.wait(COMPILING) == 1
     assert second.output == (
-        f"sim: a twin named /cable_twin runs already in ROS domain {first.domain}: give this one another name, "
-        "as with --ros-args -r __ns:=/b, or allow both with --allow-second\n"
+        f"sim: a twin named /cable_twin runs already in ROS domain {first.domain}: end it, give this one another name, "
+        "as with --ros-args -r __ns:=/b, or another ROS_DOMAIN_ID, or allow both with --allow-second\n"
     )
     other = processes(*arguments, "--start-paused", "--ros-args", "-r", "__ns:=/b", domain=first.domain)
     other.wait_for("'quick' runs at 100 Hz")

@@ -155,3 +155,17 @@ def test_an_estimator_tells_once_that_it_compiles():
     assert told.state == COMPILING
     assert told.lines == ("the estimator compiles its kernels, once on this machine",)
     assert told.message == b""
+
+
+def test_topics_of_several_plants_are_told_in_one_line_each_way():
+    scenario = load_scenario("aerial_tramway")
+    lines: list[str] = []
+    following = LiveFollowing(scenario, lambda message: None, lines.append)
+    topics = ["/plant/supports/end/force", "/plant/joint_states"]
+    for doubled in (topics, topics, [], []):
+        following.shut_out(doubled)
+    named = "/plant/joint_states, /plant/supports/end/force"
+    assert lines == [
+        f"several plants publish on {named}: left out until one of them is gone, seconds after a kill",
+        f"one plant alone publishes on {named}: followed again",
+    ]

@@ -80,6 +80,8 @@ class Tracker:
         self._begun, self._learned = -np.inf, self.follower.learned  # s, and what was known then
         self._agreed, self._contradicted = 0, False  # first windows that agreed, and whether one did not
         self._far: dict[str, int] = {}  # samples of each encoder that were elsewhere
+        self._newest: dict[str, float] = {}  # m, of each encoder
+        self._left: dict[str, float] = {}  # m, the same of those that were left out, before a silence
         self._refused: set[str] = set()
         self.behind, self._told_behind = 0.0, False
         self._taken = 0.0  # s, of the last measurements that the twin took
@@ -315,8 +317,12 @@ class Tracker:
         lines = list[str]()
         for one in measured:
             name = self._encoders.get(one.sensor)
-            if name is None or one.sensor in self.follower.left_out:
+            if name is None:
                 continue
+            self._newest[one.sensor] = one.values[0]
+            trusted = one.sensor not in self.follower.left_out
+            if not trusted and abs(one.values[0] - self._left.get(one.sensor, one.values[0])) <= ELSEWHERE:
+                continue  # there was no silence, or it still reads what it did before it
             place = self.follower.place_of(one.sensor)
             apart = one.values[0] - place
             self._far[name] = self._far.get(name, 0) + 1 if abs(apart) > ELSEWHERE else 0
@@ -324,10 +330,15 @@ class Tracker:
                 self._far.clear()
                 self._wait()
                 text = f"{name} is {apart:+.1f} m from the twin, which begins anew there"
+                if not trusted:
+                    del self.follower.left_out[one.sensor]
+                    text += f"; sensor {one.sensor}, which was left out, counts again"
                 if time - self._begun < PROVEN and self._agreed < FIRST:
                     self.follower.learned = self._learned
                     text += f"; what was learned since {self._begun:.1f} s is forgotten"
                 return [*lines, text]
+            if not trusted:
+                continue
             if self._pursuit.moves_again(time, name, place):
                 lines += self._release(time)
                 self._bring(time, True)
@@ -354,6 +365,7 @@ class Tracker:
         if self.state == FOLLOWING:
             self.state = ALONE
             self._forget()
+            self._left = {name: place for name, place in self._newest.items() if name in self.follower.left_out}
             since = self.arrivals.newest
             yield News(since, None, (f"nothing from the plant since {since:.1f} s: the twin goes on by its model",))
         if self._taken + self.follower.window <= until:  # commands alone may have brought the twin beyond it
