@@ -123,6 +123,24 @@ def test_a_twin_that_knows_nothing_waits_until_its_plant_stands(measured):
     tracker.follower.close()
 
 
+def test_a_twin_does_not_begin_where_its_plant_turns_round_and_sees_one_that_is_held(measured):
+    """Turn without a jerk, which stands for a second: its drive is commanded to go back, and is not held for 3 s."""
+    tracker, lines = Tracker(measured[0]), []
+    at_rest = {one.sensor: one for one in reversed(measured[1])}
+    for number in range(140):
+        now = 0.1 * (number + 1)
+        away = max(abs(min(now, 8.0) - 6.0) - 0.6, 0.0)  # s, before or behind its turn at 6 s; from 8 s on it is held
+        place = round(150.0 - 0.05 * away**3, 2)
+        measurements = [replace(one, time=now) for one in at_rest.values() if one.sensor != "encoder_cabin"]
+        tracker.command({"cabin": -5.0}, now)
+        tracker.measure([*measurements, Measurement("encoder_cabin", now, (place,))], now)
+        lines += [line for news in tracker.advance(now) for line in news.lines]
+        assert now > 10.5 or lines in ([], [STANDS])
+    assert lines[1].startswith("follows the plant from 1")
+    assert "by an emergency stop" in lines[2]
+    tracker.follower.close()
+
+
 def test_a_twin_begins_at_a_constant_speed_alone(measured):
     scenario, found = measured
     tracker, lines = tracker_of(scenario), []

@@ -24,6 +24,7 @@ CHANGED = 0.02  # m/s, from which on another speed is commanded
 LONGEST = 0.3  # s, after which a speed is commanded again
 LATE = 0.4  # s of the speed before a stop, by which a plant that has not stopped is farther away than `APART`
 STARTS = 3.0  # s, in which a drive begins to move that is commanded to
+STANDS = 0.05  # m, up to which a carriage or drive has not moved
 
 
 class Pursuit:
@@ -52,6 +53,7 @@ class Pursuit:
         self._commanded: dict[str, tuple[float, float]] = {}  # time (s) and speed (m/s) of the last command
         self._places: dict[str, deque[tuple[float, float]]] = {}  # times (s) and places (m) of the last `LONG_SPAN`
         self._asked_since: dict[str, float] = {}  # s, from when on a speed has been commanded without a stop
+        self._stood: dict[str, tuple[float, float]] = {}  # time (s) and place (m), from which each has not moved
         self._given: dict[str, tuple[float, float]] = {}
         self._pursued: set[str] = set()
         self._leaps: dict[str, Leaps] = {}
@@ -87,6 +89,8 @@ class Pursuit:
         if self._leaps.setdefault(name, Leaps(self._noise.get(name, 0.0))).note(time, place):
             return
         kept.append((time, place))
+        if name not in self._stood or abs(place - self._stood[name][1]) > STANDS:
+            self._stood[name] = time, place
         while len(kept) > FEWEST and kept[-1][0] - kept[0][0] > LONG_SPAN + 1e-9:
             kept.popleft()
 
@@ -131,6 +135,7 @@ class Pursuit:
             kept.clear()
         for leaps in self._leaps.values():
             leaps.clear()
+        self._stood.clear()
         self._pursued.clear()
 
     def stop(self, stop: Stop) -> None:
@@ -141,9 +146,14 @@ class Pursuit:
         self._idle, self._asked, self._stop = set(stands), False, stop
 
     def is_held(self, time: float, name: str) -> bool:
-        """Whether a plant that stands is commanded to move all the same, since longer than it needs to start."""
+        """Whether a plant that stands has been commanded to move all the same for longer than it needs to start."""
+        stood, _ = self._stood.get(name, (-np.inf, 0.0))
+        return self.is_asked(time, name) and time - max(stood, self._asked_since[name]) > STARTS
+
+    def is_asked(self, time: float, name: str) -> bool:
+        """Whether a carriage or drive of the plant is commanded to move at a time (s)."""
         commanded_at, _ = self._commanded.get(name, (-np.inf, 0.0))
-        return time - commanded_at <= FRESH and time - self._asked_since.get(name, np.inf) > STARTS
+        return time - commanded_at <= FRESH and self._asked_since[name] <= time
 
     def moves_again(self, time: float, name: str, place: float | None) -> bool:
         """Whether a plant that has stopped moves again, or is not where its twin at a place (m) has stopped.

@@ -264,7 +264,7 @@ class Tracker:
         """Start the twin at the places of the plant's vehicles, after measurements of `LISTENING` (s) without a gap."""
         if time - self._first < LISTENING:
             return
-        changing = [name for name in self._encoders.values() if not self._is_steady(name)]
+        changing = [name for name in self._encoders.values() if not self._is_steady(time, name)]
         if changing and time - self._first < LONGEST_WAIT:
             if not self._waits:
                 self._waits = True
@@ -274,16 +274,18 @@ class Tracker:
             return
         yield News(time, None, tuple(self._begin_at(time)))
 
-    def _is_steady(self, name: str) -> bool:
+    def _is_steady(self, time: float, name: str) -> bool:
         """Whether a carriage or drive of the plant stands, or moves at a constant speed where that is enough to begin.
 
         Ropes swing after an acceleration and the force of a drive is another one, which a twin in steady motion would
-        put down to payload, ice and friction.
+        put down to payload, ice and friction. One that is commanded to move turns round, or starts, unless it is held.
         """
         speed, acceleration = self._pursuit.speed_of(name), self._pursuit.acceleration_of(name)
         if speed is None:
             return not self._pursuit.knows(name)  # an encoder of which nothing is ever heard is not waited for
         steady = acceleration is not None and abs(acceleration) < STEADY
+        if abs(speed) < MOVES and self._pursuit.is_asked(time, name) and not self._pursuit.is_held(time, name):
+            return False
         return steady and (abs(speed) < MOVES or not self.follower.needs_rest)
 
     def _begin_at(self, time: float) -> list[str]:
