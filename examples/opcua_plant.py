@@ -2,8 +2,9 @@
 
     .venv/bin/python examples/opcua_plant.py [SCENARIO] [--url URL] [--set KEY=VALUE] [--clock S] [--speed M/S]
 
-Its carriage shuttles between 5 % and 95 % of its rope. Variables are `ns=2;s=NAME.QUANTITY`, in the units that plants
-have: position (m), speed (km/h), drive_force, force_x and force_z of supports (kN), tilt (deg), speed_command (m/s).
+Its carriage shuttles between 5 % and 95 % of its rope. It stands for 20 s at each end and before its first trip, where a
+twin that follows it can begin. Variables are `ns=2;s=NAME.QUANTITY`, in the units that plants have: position (m), speed
+(km/h), drive_force, force_x and force_z of supports (kN), tilt (deg), speed_command (m/s).
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
 
 FRAME = 0.02  # s
 ENDS = 0.05, 0.95  # shares of the rope between which the carriage goes
+STAY = 20.0  # s, for which it stands there
 BRAKING = 60.0  # m before an end at which the speed is reduced
 QUANTITIES = {  # of each kind of sensor: variable, row of its values, factor
     "encoder": (("position", 0, 1.0), ("speed", 1, 3.6)),
@@ -64,7 +66,7 @@ class Plant:
         self._length = self._scenario.cable.unstrained_length
         self._server = Server()
         self._nodes: dict[str, ua.NodeId] = {}
-        self._way, self._commanded = 1.0, math.nan
+        self._way, self._commanded, self._goes = 1.0, math.nan, STAY
 
     async def run(self) -> None:
         """Serve until cancelled.
@@ -104,12 +106,16 @@ class Plant:
             self._nodes[name] = node.nodeid
 
     async def _drive(self, started: float) -> None:
-        """Turn round at the ends, and tell the commanded speed."""
+        """Turn round at the ends, after a stay, and tell the commanded speed."""
         place = self._simulation.snapshot.carriages[self._carriage].arc_length
         low, high = (share * self._length for share in ENDS)
-        self._way = 1.0 if place < low else -1.0 if place > high else self._way
+        way = 1.0 if place < low else -1.0 if place > high else self._way
+        if way != self._way:
+            self._way, self._goes = way, self._simulation.time + STAY
         left = (high - place) if self._way > 0.0 else (place - low)
         wanted = self._way * self._options.speed * (1.0 if left > BRAKING else 0.3)
+        if self._simulation.time < self._goes:
+            wanted = 0.0
         if wanted != self._commanded:
             self._simulation.command(self._carriage, speed=wanted)
             self._commanded = wanted

@@ -105,6 +105,8 @@ class MqttLink(Link):
         try:
             while not self._end.is_set():
                 code = client.loop(TURN)
+                if code == MQTTErrorCode.MQTT_ERR_CONN_LOST:
+                    raise ConnectionError(f"{section.host}:{section.port} has ended the connection")
                 if code != MQTTErrorCode.MQTT_ERR_SUCCESS:
                     raise ConnectionError(mqtt.error_string(code).rstrip("."))
         finally:
