@@ -2,9 +2,9 @@
 
     .venv/bin/python examples/opcua_plant.py [SCENARIO] [--url URL] [--set KEY=VALUE] [--clock S] [--speed M/S]
 
-Its carriage shuttles between 5 % and 95 % of its rope. It stands for 20 s at each end and before its first trip, where a
-twin that follows it can begin. Variables are `ns=2;s=NAME.QUANTITY`, in the units that plants have: position (m), speed
-(km/h), drive_force, force_x and force_z of supports (kN), tilt (deg), speed_command (m/s).
+Its carriage shuttles between 5 % and 95 % of its rope. It stands for 20 s at each end and before its first trip, where
+a twin that follows it can begin. Variables are `ns=2;s=NAME.QUANTITY`, in the units that plants have: position (m),
+speed (km/h), drive_force, force_x and force_z of supports (kN), tilt (deg), speed_command (m/s).
 """
 
 from __future__ import annotations
