@@ -163,8 +163,9 @@ def add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness
 
 @kernel
 def pull_along(system, state, carriage):
-    """Force (N) along the rope on a vehicle's joint at a node: generalized force of both elements over mean |r_x|.
+    """Force (N) along the rope that holds a vehicle's joint at a node: Q_X of both elements over mean |r_x|.
 
+    Q_X of a force on the rope is that against a shift of the node, so that of a point load is less its `force_along`.
     Connectors to another rope on these elements are left out.
     """
     cable, towers, like, node = system.cable, system.towers, system.cable.gravity, state.joint_node[carriage]
@@ -173,12 +174,12 @@ def pull_along(system, state, carriage):
     for k in range(cable.load_arc_length.size):
         if first <= cable.load_arc_length[k] <= last:
             point = point_at(cable, state, cable.load_arc_length[k])
-            total += force_along(state, node, load(cable.load_force[k], like), point, like)
+            total -= force_along(state, node, load(cable.load_force[k], like), point, like)
     for contact in range(towers.stiffness.size):
         if first <= state.contact_arc_length[contact] <= last:
             point = point_at(cable, state, state.contact_arc_length[contact])
             force, _ = contact_force(cable, towers, state, contact)
-            total += force_along(state, node, force, point, like)
+            total -= force_along(state, node, force, point, like)
     return total / rope_passing(state.nodes.position, node, like)
 
 

@@ -12,7 +12,7 @@ these in the place of nodal rates. A shift δX of the node moves the rope under 
 the equation of X has the nodal forces of the rope's motion, and the derivative of the elastic energy by the element's
 length:
 
-    Q_X = ± dW/dl - t·Q_r - r_xx·Q_t ± ½ ρA λ κ² |t|²,  + for the element before the node.
+    Q_X = ± dW/dl + t·Q_r + r_xx·Q_t ± ½ ρA λ κ² |t|²,  + for the element before the node.
 
 At a node with two slopes rope changes its velocity by κ times their difference. The momentum that takes,
 ρA λ κ² (t_after - t_before), is a force on r. All of this follows from one kinetic energy, ½∫ρA λ |V|² dx, and adds
