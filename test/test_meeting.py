@@ -36,6 +36,15 @@ def meet(simulation, times):
         yield simulation.advance_to(time)
 
 
+def test_too_few_steps_for_the_force_of_buffers_are_warned_of_with_a_step_that_does():
+    """Of 1e5 N/m in series and 100 kg each: apart after π √(50 / 5e4) s; measured in eight steps and in a hundred."""
+    vehicles = [vehicle(4.0, 1.0, 100.0), vehicle(7.0, -1.0, 100.0)]
+    with pytest.warns(UserWarning, match=r"0\.02 s: 'vehicle_0' and 'vehicle_1', .* in 5\.0 steps; .* 0\.012 s"):
+        level(vehicles, 0.02)
+    forces = [level(vehicles, step).advance_to(1.5).columns.push_highest[0] for step in (0.012, 0.001)]
+    assert forces[0] == pytest.approx(forces[1], rel=0.05)
+
+
 def test_two_cabins_push_each_other_whatever_the_pacing():
     simulation = Simulation(two_cabins(force=2500.0), samples=5)
     figures = KeyFigures(simulation.scenario)

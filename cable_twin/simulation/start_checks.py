@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
-from math import ceil, inf, log, pi, sqrt
+from math import ceil, floor, inf, log, log10, pi, sqrt
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from cable_twin.mechanics.parameters import ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.vehicles import Carriage, CarrierKind
+from cable_twin.simulation.vehicle_contacts import Pair, meeting_pairs
 
 ROUNDING = 1e-9  # strain of compression by rounding alone
 SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is off by about a tenth of the sag then
@@ -27,6 +28,7 @@ STATION = 0.25  # of the mean span, below which towers carry a bend of the rope 
 SHAKE = 0.01  # of the depth in a saddle, by which a vehicle may rise and sink from contact point to contact point
 STEPS = 5.0  # in an element that a joint with a node of its own passes, below which its force is wrong, measured
 STEPS_IN_SWING = 12.0  # below which its period is off by 2.5 % and more, of generalized-alpha with a radius of 0.7
+STEPS_IN_CONTACT = 8.0  # of two vehicles that meet, below which their highest force is up to 5 % too low, measured
 FASTEST = 15.0  # m/s: the fastest aerial tramways run at 12.5
 FASTEST_LIFT = 8.5  # m/s, on two or three ropes; chairs run at up to 6, gondolas on one rope at up to 7
 ROUGHEST = 0.1  # of rolling friction: of lined rollers 0.003 to 0.03
@@ -183,6 +185,12 @@ def warn_of_saddles(scenario: Scenario, rope: CableSamples) -> None:
             )
 
 
+def two_digits_of(step: float) -> str:
+    """Text of the longest step (s) of two digits that is not above a given one, above 0."""
+    digit = 10.0 ** (floor(log10(step)) - 1)
+    return f"{floor(step / digit) * digit:.2g}"
+
+
 def growing_steps(spectral_radius: float, length: float, speed: float, wave: float) -> tuple[float, float]:
     """Interval of step sizes (s) of generalized-alpha in which the joint force at nodes may grow.
 
@@ -220,7 +228,7 @@ def warn_of_crossing(vehicles: Scenario, drives: Scenario, system: System, rope:
             warnings.warn(
                 f"solver.step of {step:g} s: a vehicle at its highest speed, {speed:g} m/s, passes elements of "
                 f"{with_unit(length, 'm', 3)} in {length / (speed * step):.1f} steps; below {STEPS:g} its forces are "
-                f"wrong; a step up to {length / (speed * STEPS):.2g} s, or longer elements, prevent that",
+                f"wrong; a step up to {two_digits_of(length / (speed * STEPS))} s, or longer elements, prevent that",
                 stacklevel=3,
             )
         return
@@ -266,6 +274,33 @@ def warn_of_swings(scenario: Scenario) -> None:
         warnings.warn(
             f"solver.step of {step:g} s: {fastest!r} swings once in {with_unit(periods[fastest], 's', 2)}, in "
             f"{periods[fastest] / step:.1f} steps; below {STEPS_IN_SWING:g} its period is wrong by 2.5 % and more; "
-            f"a step up to {periods[fastest] / STEPS_IN_SWING:.2g} s prevents that",
+            f"a step up to {two_digits_of(periods[fastest] / STEPS_IN_SWING)} s prevents that",
+            stacklevel=3,
+        )
+
+
+def contact_time(scenario: Scenario, pair: Pair) -> float:
+    """Time (s) after which two empty vehicles that meet part again: half a period of both on their buffers.
+
+    Infinite where neither of them moves.
+    """
+    vehicles = [list(scenario.vehicles.values())[row] for row in (pair.before, pair.after)]
+    if all(one.joint == "fixed" for one in vehicles):
+        return inf
+    masses = [sum(body.mass for body in one.bodies.values()) for one in vehicles]
+    return pi * sqrt(masses[0] * masses[1] / (sum(masses) * pair.stiffness))
+
+
+def warn_of_short_contacts(scenario: Scenario) -> None:
+    """Warn of a step size with which two vehicles that meet part after too few steps for the force of their buffers."""
+    step, names = scenario.solver.step, list(scenario.vehicles)
+    times = {pair: contact_time(scenario, pair) for pair in meeting_pairs(scenario)}
+    shortest = min(times, key=times.__getitem__, default=None)
+    if shortest is not None and times[shortest] < STEPS_IN_CONTACT * step:
+        warnings.warn(
+            f"solver.step of {step:g} s: {names[shortest.before]!r} and {names[shortest.after]!r}, should they meet, "
+            f"part after {with_unit(times[shortest], 's', 2)}, in {times[shortest] / step:.1f} steps; below "
+            f"{STEPS_IN_CONTACT:g} the highest force of their buffers is 5 % too low and more; "
+            f"a step up to {two_digits_of(times[shortest] / STEPS_IN_CONTACT)} s prevents that",
             stacklevel=3,
         )

@@ -44,7 +44,7 @@ class VehicleContacts:
     """
 
     def __init__(self, scenario: Scenario, rows: Mapping[str, int]) -> None:
-        pairs = list(_pairs(scenario))
+        pairs = list(meeting_pairs(scenario))
         names, places = list(scenario.vehicles), [one.arc_length for one in scenario.vehicles.values()]
         self._names = {row: name for name, row in rows.items()}
         self._before = np.array([rows[names[pair.before]] for pair in pairs], dtype=np.int64)
@@ -82,7 +82,7 @@ def places_between(scenario: Scenario, name: str) -> tuple[float, float]:
     alone = scenario.of_rope(scenario.rope_of(scenario.vehicles[name]))
     row, vehicles = list(alone.vehicles).index(name), list(alone.vehicles.values())
     low, high = -inf, inf
-    for before, after, room, *_ in _pairs(alone):
+    for before, after, room, *_ in meeting_pairs(alone):
         if after == row:
             low = max(low, vehicles[before].arc_length + room + ROUNDING)
         elif before == row:
@@ -92,7 +92,7 @@ def places_between(scenario: Scenario, name: str) -> tuple[float, float]:
 
 def with_buffers(system: System, scenario: Scenario) -> System:
     """System with added buffers between the vehicles of a scenario of one rope."""
-    pairs = list(_pairs(scenario))
+    pairs = list(meeting_pairs(scenario))
     count = len(scenario.vehicles)
     entries = sorted(
         [(pair.before, pair.after, 1.0, pair) for pair in pairs]
@@ -112,7 +112,7 @@ def with_buffers(system: System, scenario: Scenario) -> System:
     )
 
 
-def _pairs(scenario: Scenario) -> Iterator[Pair]:
+def meeting_pairs(scenario: Scenario) -> Iterator[Pair]:
     """Pairs of vehicles that can meet: neighbours on the rope, and those with only vehicles of no length between.
 
     Bodies count as they hang upright; two points, of a `size` of 0, do not meet. Vehicles that are clamped to a moving
