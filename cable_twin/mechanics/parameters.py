@@ -141,6 +141,7 @@ class Towers(NamedTuple):
     damping: FloatArray  # (contacts,) s/m, of the normal force, per unit of its elastic part
     friction: FloatArray  # (contacts,) - , limit of the force along the rope per normal force
     presliding: FloatArray  # (contacts,) m, elastic displacement of the rope before it slides
+    apart: FloatArray  # (contacts,) m, length of the surface for which a point of a saddle stands; 0 of sheaves
     toe: FloatArray  # (contacts,) m, depth over which the stiffness sets in
     groove: FloatArray  # (contacts,) 1/m, in space: lateral over normal force, per offset from the middle
     groove_friction: FloatArray  # (contacts,) -, in space: lateral friction over normal force

@@ -123,6 +123,7 @@ def make_towers(dim=2, contacts=0, **changes):
         damping=np.full(contacts, 0.2),
         friction=np.full(contacts, 0.3),
         presliding=np.full(contacts, 0.02),
+        apart=np.zeros(contacts),
         toe=np.full(contacts, 0.01),
         groove=np.full(contacts, 4.0),
         left=left,

@@ -8,7 +8,7 @@ with the force N n + f t on the rope: n the normal of the rope there, t = r_x / 
 f friction. s is not an unknown but a function of the shape: it is found anew in every iteration, and its derivative
 ∂s/∂e = -(S r_x + S_x (r - p)) / (|r_x|² + (r - p)·r_xx) makes the tangent exact. With no friction the forces have a
 potential, and a rope that slides over keeps its tension. A saddle, or a train of sheaves, is several contacts on a
-circle: a sharper bend lifts off the outer ones.
+circle: a sharper bend lifts off the outer ones. Beside a moving load see `tower_at_load`.
 
 In space a groove holds the rope sideways, until more than a ratio of the normal force pushes it over the flank, or it
 lifts higher than the groove is deep. From then on this tower does not touch it. With b = t x n, the lateral force is
@@ -39,18 +39,25 @@ from cable_twin.mechanics.language.simd import (
     turn_point_loads,
 )
 from cable_twin.mechanics.language.traced import square_root
-from cable_twin.mechanics.language.vectors import Vector, add_scaled, dot, load, outer, scale, store, subtract
+from cable_twin.mechanics.language.vectors import Vector, add_scaled, dot, load, scale, store
 from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.on_rope.tower_at_load import (
+    Part,
+    add_beside_load,
+    node_on_piece,
+    normal_on_piece,
+    part_of_piece,
+    velocity_beside_load,
+)
 from cable_twin.mechanics.on_rope.tower_contact import (
     MAX_MOVES,
     NEAR,
     approach,
+    depth_in_groove,
     force_and_tangent,
-    groove_tangent,
     mobilised,
     normal_force,
-    normal_to,
     shape_at_contact,
     shapes_at,
     side_force,
@@ -60,12 +67,8 @@ from cable_twin.mechanics.on_rope.tower_contact import (
 )
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.ale import nodal_vectors, rope_before
-from cable_twin.mechanics.rope.following_nodes import at_place
-from cable_twin.mechanics.rope.patch import beside_load, follows, motion_at_rest
+from cable_twin.mechanics.rope.patch import beside_load
 from cable_twin.mechanics.rope.point import (
-    AFTER,
-    BEFORE,
-    R,
     accumulate_vector,
     add_point_tangents,
     element_beside,
@@ -77,7 +80,6 @@ from cable_twin.mechanics.rope.point import (
     weighted,
     write_point_load,
 )
-from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tangent
 
 CLEAR = 0.01  # m, by which the rope is off a contact that is not looked at closely
 STILL = 1e-6  # of an element's length: after a shorter move the rope is taken as it is before it
@@ -163,18 +165,18 @@ def velocity_at(cable, state, rates, shapes, first, work):
     return moving
 
 
-@inlined_kernel
-def velocity_beside_load(cable, state, element, shape):
-    """Velocity (dim,) of the rope in m/s at a point, of given shape functions, of an element beside a moving load."""
-    _, rates, _ = motion_at_rest(cable, state, element, state.nodes.acceleration, state.joints.acceleration)
-    return at_place(rates, shape, shape)[0]
-
-
 @kernel
 def contact_energy(cable, towers, state, contact):
     """Elastic energy (J) of a tower contact."""
-    depth = contact_frame(cable, towers, state, contact)[4]
-    return buffer_energy(towers.stiffness[contact], towers.toe[contact], depth)
+    point, _, _, _, depth, _ = contact_frame(cable, towers, state, contact)
+    node, way = node_on_piece(cable, towers, state, contact, point.element, cable.gravity)
+    if node < 0:
+        return buffer_energy(towers.stiffness[contact], towers.toe[contact], depth)
+    energy = 0.0
+    for number in range(2):
+        part = part_of_piece(cable, towers, state, contact, node, way, number, cable.gravity)
+        energy += buffer_energy(part.share * towers.stiffness[contact], towers.toe[contact], part.depth)
+    return energy
 
 
 @kernel
@@ -204,13 +206,25 @@ def frame_at(cable, towers, state, contact, point):
 @kernel
 def contact_force(cable, towers, state, contact):
     """Force (dim,) in N of a tower contact on the rope, at the rope point last found, and its normal part (N)."""
-    _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
-    n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
-    friction = towers.friction[contact] * n * mobilised(cable, towers, state, contact)
+    like, z = cable.gravity, mobilised(cable, towers, state, contact)
+    point, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
+    node, way = node_on_piece(cable, towers, state, contact, point.element, like)
+    if node < 0:
+        return force_of_part(towers, contact, Part(1.0, point, r_x, apart, normal, depth, moving), z)
+    before = force_of_part(towers, contact, part_of_piece(cable, towers, state, contact, node, way, 0, like), z)
+    after = force_of_part(towers, contact, part_of_piece(cable, towers, state, contact, node, way, 1, like), z)
+    return add_scaled(1.0, before[0], after[0]), before[1] + after[1]
+
+
+@inlined_kernel
+def force_of_part(towers, contact, part, mobilised_share):
+    """Force (dim,) in N of a part of a contact on the rope, and its normal part (N)."""
+    r_x, normal, moving = part.r_x, part.normal, part.moving
+    n = part.share * normal_force(towers, contact, part.depth, -dot(normal, moving))[0]
+    friction = towers.friction[contact] * n * mobilised_share
     force = add_scaled(friction / square_root(dot(r_x, r_x)), r_x, scale(n, normal))
-    return with_groove(
-        force, towers.groove[contact] * n, towers.groove_friction[contact] * n, r_x, normal, apart, moving
-    ), n
+    groove, rub = towers.groove[contact] * n, towers.groove_friction[contact] * n
+    return with_groove(force, groove, rub, r_x, normal, part.apart, moving), n
 
 
 @kernel
@@ -274,7 +288,7 @@ def add_contacts(cable, towers, state, first, e, shapes, at, rate_factor, stiffn
         lane = contact - first
         if work.contact_element[contact] >= 0:
             if cable.load_nodes and beside_load(cable, state, work.contact_element[contact]):
-                add_beside_load(cable, towers, state, contact, lane, stiffness_factor, work)
+                add_beside_load(cable, towers, state, contact, lane, rate_factor, stiffness_factor, work)
             elif work.contact_depth[2, contact] != 0.0:
                 add_beside_none(contact, lane, stiffness_factor, like, work)
 
@@ -290,69 +304,6 @@ def add_beside_none(contact, lane, stiffness_factor, like, work):
     if stiffness_factor != 0.0:
         shape_x = load(work.contact_shape_x[:, contact], FOUR)
         add_point_tangents(numbers, shape, shape_x, element, work.diagonal, work.upper, work.lower, like)
-
-
-@kernel
-def add_beside_load(cable, towers, state, contact, lane, stiffness_factor, work):
-    """Add force and tangent of one contact, in a lane of the group in `work`, to an element beside a moving load."""
-    if towers.at_bends and add_at_bend(cable, towers, state, contact, stiffness_factor, work):
-        return
-    if work.contact_depth[2, contact] == 0.0:
-        return
-    force, by_place, by_slope = read_point_load(work.elements[lane], cable.gravity)
-    point = point_on(state, work.contact_element[contact], work.contact_place[contact])
-    add_point_load(force, point, state, work)
-    if stiffness_factor != 0.0:
-        add_point_tangent(force, by_place, by_slope, point, stiffness_factor, state, work)
-
-
-@kernel
-def add_at_bend(cable, towers, state, contact, stiffness_factor, work):
-    """Add force and tangent of a tower contact that touches the rope at its sharp bend at a load, at rest.
-
-    The normal is at right angles to a mean of both slopes there, of which r - p has no part. It turns with r, as
-    ∂n/∂r = -t tᵀ / depth, so that the contact holds the bend like a spring along the rope too.
-
-    Args:
-        cable: of the rope.
-        towers: parameters.
-        state: in which the arc length of the contact becomes that of the bend.
-        contact: row of the contact; the element on which it touches is in `work`.
-        stiffness_factor: as in `assemble`.
-        work: takes force and tangent.
-
-    Returns:
-        Whether it touches a bend; else nothing is added.
-    """
-    like, element = cable.gravity, work.contact_element[contact]
-    place, nodes = load(towers.position[contact], like), state.nodes.position
-    for node in range(max(element, 1), min(element + 2, cable.element_count)):
-        before, after = load(nodes[node, BEFORE], like), load(nodes[node, AFTER], like)
-        apart = subtract(load(nodes[node, R], like), place)
-        nearer, farther = dot(apart, before), dot(apart, after)
-        if not follows(state, node) or nearer > 0.0 or farther < 0.0 or farther == nearer:
-            continue
-        share = farther / (farther - nearer)
-        r_x, still = add_scaled(share, before, scale(1.0 - share, after)), scale(0.0, apart)
-        normal = normal_to(r_x, load(towers.normal[contact], like))
-        depth = depth_in_groove(towers, state, contact, -dot(apart, normal), like)
-        n, n_by_depth, _ = normal_force(towers, contact, depth, 0.0)
-        state.contact_arc_length[contact] = state.mesh.arc_length[node]
-        if n == 0.0:
-            return True
-        point = point_on(state, node - 1, state.mesh.arc_length[node])
-        groove, rub = towers.groove[contact], towers.groove_friction[contact]
-        whole = with_groove(scale(n, normal), groove * n, rub * n, r_x, normal, apart, still)
-        add_point_load(whole, point, state, work)
-        if stiffness_factor != 0.0:
-            pushed = with_groove(normal, groove, rub, r_x, normal, apart, still)
-            turned = outer(stiffness_factor * n / (depth * dot(r_x, r_x)), r_x, r_x)
-            held = add_scaled(1.0, turned, groove_tangent(stiffness_factor * groove * n, 0.0, r_x, normal, still))
-            by_r = add_scaled(1.0, outer(stiffness_factor * n_by_depth, pushed, normal), held)
-            nothing = outer(0.0, apart, apart)
-            add_point_tangent(whole, (by_r, nothing), (nothing, nothing), point, stiffness_factor, state, work)
-        return True
-    return False
 
 
 @kernel
@@ -447,6 +398,8 @@ def settle_towers(cable, towers, state, work):
         note_lateral(r_x, normal, apart, moving, numbers)
         for lane in range(min(WIDTH, count - first)):
             contact, force = first + lane, numbers[0, lane]
+            if cable.load_nodes and beside_load(cable, state, work.contact_near[contact]):
+                force = normal_on_piece(cable, towers, state, contact, work.contact_near[contact], force, like)
             state.tower_load[towers.contact_tower[contact], 0] += force
             add_lateral(towers, state, contact, force, numbers[:, lane], like)
             settle_friction_of_contact(cable, towers, state, contact, work)
@@ -566,11 +519,3 @@ def depth_of_lanes(towers: Any, state: Any, depth: Any, first: int, work: Any, l
             work.lane_numbers[0, lane] = depth_in_groove(towers, state, contact, work.lane_numbers[0, lane], like)
         return read_numbers(work.lane_numbers[0], 0)
     return depth
-
-
-@kernel
-def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: Vector) -> float:
-    """Depth (m) of the rope in a tower contact; -inf once the rope has derailed from the tower."""
-    if len(like) == 2 or state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE:
-        return depth
-    return -inf

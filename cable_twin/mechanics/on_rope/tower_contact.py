@@ -6,6 +6,9 @@ the laws of the normal force and of friction along the rope, is for one. `tower`
 
 from __future__ import annotations
 
+from math import inf
+from typing import Any
+
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.rotations import cross
 from cable_twin.mechanics.language.simd import larger, magnitude, smaller
@@ -13,6 +16,7 @@ from cable_twin.mechanics.language.traced import formula, square_root
 from cable_twin.mechanics.language.vectors import Matrix, Vector, add_scaled, dot, outer, scale, subtract
 from cable_twin.mechanics.on_rope.buffer import buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.parameters import IN_GROOVE
 from cable_twin.mechanics.rope.ale import nodal_vectors, rope_before
 from cable_twin.mechanics.rope.point import element_at, weighted
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
@@ -211,3 +215,11 @@ def groove_tangent(stiffness: float, damping: float, r_x: Vector, normal: Vector
     speed = dot(moving, across)
     squared = speed * speed + CREEP * CREEP
     return outer(stiffness + damping * CREEP * CREEP / (squared * square_root(squared)), across, across)
+
+
+@kernel
+def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: Vector) -> float:
+    """Depth (m) of the rope in a tower contact; -inf once the rope has derailed from the tower."""
+    if len(like) == 2 or state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE:
+        return depth
+    return -inf

@@ -138,10 +138,16 @@ def _build_towers(scenario: Scenario) -> parameters.Towers:
         "normal": floats([row for _, normals in shapes for row in normals], scenario.dim),
         "friction": floats(frictions),
         "presliding": np.full(len(of_contacts), PRESLIDING),
+        "apart": floats([_apart(tower) for tower in of_contacts]),
         "toe": np.full(len(of_contacts), TOE),
         "left": tower_axes(scenario)[1],
     }
     return record(**(columns(record, Tower, of_contacts) | {name: whole[name] for name in OF_TOWERS} | own))
+
+
+def _apart(tower: Tower) -> float:
+    """Length (m) of the surface of a saddle for which each of its contact points stands; 0 of sheaves."""
+    return tower.length / (tower.contacts - 1) if tower.kind == "saddle" and tower.contacts > 1 else 0.0
 
 
 def tower_axes(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
