@@ -91,7 +91,7 @@ def test_the_rope_takes_a_vehicle_over_from_its_end_without_a_blow(lift, speed):
     A node that followed it a step too late made 1.7 of the change by the arrival in the gondola, and 0.3 in the
     chairlift.
     """
-    scenario = load_scenario(lift)
+    scenario = load_scenario(lift, {"carriers.station_rails": 0.0})
     simulation, step = Simulation(scenario), scenario.solver.step
     simulation.command("haul_rope", speed=speed)
     vehicle, up = len(simulation.carriages) - 1, list(scenario.ropes).index("up")
