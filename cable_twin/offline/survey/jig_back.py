@@ -267,7 +267,7 @@ def _haul(rope: Mapping[str, float], length: float, wheels: FloatArray, y: float
         "unstrained_length": derived(
             round(length, 2), "closed form: the counterweight is then near the middle of its travel"
         ),
-        "elements": assumed({"target": 12.0, "at_towers": 2.0, "growth": 2.5}, "lengths in m, short on rollers"),
+        "elements": assumed({"target": 12.0, "at_towers": 1.0, "growth": 2.5}, "lengths in m, short on rollers"),
         "damping_time": assumed(0.004, "s"),
         "start": {"position": start, "support": "pinned"},
         "end": {"position": end, "support": "pinned"},
