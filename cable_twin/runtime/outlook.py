@@ -100,7 +100,8 @@ class LiveOutlook(Companion):
         waits = 0.0 if asked is None else time.monotonic() - asked
         values = {"time_s": f"{at:.3f}", "took_s": f"{took:.1f}", "waits_s": f"{waits:.1f}"}
         if max(took, waits) > (STARTS if math.isnan(at) else LATE):
-            text = f"an outlook takes {max(took, waits):.0f} s, as this machine is too slow beside the twin"
+            takes = f"more than {waits:.0f}" if waits > took else f"{took:.0f}"
+            text = f"an outlook takes {takes} s, as this machine is too slow beside the twin"
             return False, f"{text}: a shorter outlook_horizon takes less", values
         return True, "starts" if math.isnan(at) else f"looks ahead from {at:.1f} s", values
 
