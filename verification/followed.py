@@ -171,7 +171,7 @@ def news(
 
 
 def alarms_of(told: Iterable[News]) -> Iterator[Alarm]:
-    """Alarms of a twin, and lines of other kinds but that it follows its plant."""
+    """Alarms of a twin, and its other warnings."""
     for one in told:
-        yield from (Alarm(one.time, line) for line in one.lines if not line.startswith("follows the plant"))
+        yield from (Alarm(one.time, line) for line in one.warnings)
         yield from one.correction.alarms if one.correction else ()

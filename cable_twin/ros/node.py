@@ -238,7 +238,14 @@ class TwinNode(Node):
     def _follow(self) -> PlantSubscriber:
         """Subscriber to the topics of a plant, which the twin follows from `start` on."""
         scenario = with_plant_sensors(self.simulation)
-        following = self._diagnostics.following = LiveFollowing(scenario, self._publish_estimate, self._log_warning)
+        relief = "outlook false, or a lower outlook_rate, leaves it more of this machine"
+        following = self._diagnostics.following = LiveFollowing(
+            scenario,
+            self._publish_estimate,
+            self._log_note,
+            self._log_warning,
+            relief if self._settings["outlook"] else "",
+        )
         plant = PlantSubscriber(
             self, scenario, self.simulation, self._loop, following, self._run_clock.stamp_ns, self._record_command
         )
@@ -408,6 +415,9 @@ class TwinNode(Node):
 
     def _log_warning(self, line: str) -> None:
         self.get_logger().warning(line)
+
+    def _log_note(self, line: str) -> None:
+        self.get_logger().info(line)
 
     def _publish_outlook(self, answer: Answer) -> None:
         self._output.send_ahead(answer.message, answer.ahead, self._stamp_ns())

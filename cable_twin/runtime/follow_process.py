@@ -57,17 +57,17 @@ class Decoder:
 
 def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimated]:
     """Replies of the follow process to the node for one result of a tracker: estimates, alarms, log lines, counts."""
-    correction, lines = news.correction, list(news.lines)
+    correction, warnings = news.correction, list(news.warnings)
     message, of_payloads = b"", list[str]()
     if correction is not None:
         alarms, of_payloads = correction.said(of_payloads=False), correction.said(of_payloads=True)
-        lines += alarms
+        warnings += alarms
         stamp_ns, estimates = epoch_ns + nanoseconds(correction.time), {**correction.slow, **correction.hidden}
         state: dict[str, Any] = {"measured": tracker.state == FOLLOWING, "behind": tracker.behind}
         message = estimate_message(estimates, alarms, stamp_ns, of_payloads=of_payloads, **state)
     left_out = {name: one.reason for name, one in tracker.follower.left_out.items()}
     counts = dict(tracker.arrivals.left_out)
-    told = tuple(lines), tracker.state, left_out, counts, tracker.behind, tuple(of_payloads)
+    told = tuple(warnings), tracker.state, left_out, counts, tracker.behind, tuple(of_payloads), news.notes
     yield Estimated(news.time, message, *told)
 
 
@@ -81,7 +81,7 @@ def compilation_told(sink: IO[bytes]) -> Iterator[None]:
         if not told:
             told = True
             line = "the estimator compiles its kernels, once on this machine"
-            send(sink, Estimated(0.0, b"", (line,), COMPILING, {}, {}))
+            send(sink, Estimated(0.0, b"", (), COMPILING, {}, {}, notes=(line,)))
 
     with watching_compilation(tell):
         yield
@@ -98,10 +98,10 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
     waiting = inbox(source, leave)
     options = waiting.get()
     with compilation_told(sink):
-        tracker = Tracker(load_scenario(options["scenario"]), threads=1)
+        tracker = Tracker(load_scenario(options["scenario"]), threads=1, relief=options["relief"])
     decoder = Decoder(tracker)
     ready = f"the estimator is ready: it begins when the plant {tracker.wanted} for {LISTENING:g} s"
-    send(sink, Estimated(0.0, b"", (ready,), tracker.state, {}, {}))
+    send(sink, Estimated(0.0, b"", (), tracker.state, {}, {}, notes=(ready,)))
     taken = now = 0.0  # s of this machine's clock since the first message: up to which all is taken, and the present
     while True:
         try:

@@ -42,12 +42,13 @@ class Estimated(NamedTuple):
 
     time: float  # s, of the plant
     message: bytes  # diagnostic_msgs/DiagnosticArray, or empty
-    lines: tuple[str, ...]  # alarms, but those about payloads, and what else there is to say
+    warnings: tuple[str, ...]  # alarms, but those about payloads, and what else is doubted or goes wrong
     state: str
     left_out: Mapping[str, str]  # reason by sensor
     counts: Mapping[str, int]  # of messages that were left out, by reason
     behind: float = 0.0  # s behind the plant
     of_payloads: tuple[str, ...] = ()  # alarms about payloads
+    notes: tuple[str, ...] = ()  # lines about what is normal
 
 
 class LiveFollowing(Companion):
@@ -59,12 +60,21 @@ class LiveFollowing(Companion):
     Args:
         scenario: of the twin, with the sensors of the plant.
         publish: called with each message of estimates.
-        say: called with a line for each alarm, and for what was left out.
+        note: called with a line for what is normal, as that the twin begins to follow.
+        warn: called with a line for each alarm, and for what is doubted, left out, or goes wrong.
+        relief: what gives a follower that is behind its plant more of this machine, in words; empty where nothing does.
     """
 
-    def __init__(self, scenario: Scenario, publish: Callable[[bytes], None], say: Callable[[str], None]) -> None:
-        self._options = {"scenario": scenario.resolved()}
-        self._publish, self._say = publish, say
+    def __init__(
+        self,
+        scenario: Scenario,
+        publish: Callable[[bytes], None],
+        note: Callable[[str], None],
+        warn: Callable[[str], None],
+        relief: str = "",
+    ) -> None:
+        self._options = {"scenario": scenario.resolved(), "relief": relief}
+        self._publish, self._say, self._warn = publish, note, warn
         self._waiting: SimpleQueue[Arrival] = SimpleQueue()
         self._last = Estimated(0.0, b"", (), STARTING, {}, {})
         self._alarms = NewestLines(MOST_LINES)
@@ -106,7 +116,7 @@ class LiveFollowing(Companion):
         """Leave out the messages of topics on which several plants publish, and log changes in a line each way."""
         now = frozenset(topics)
         if more := ", ".join(sorted(now - self.shut)):
-            self._say(f"several plants publish on {more}: left out until one of them is gone, seconds after a kill")
+            self._warn(f"several plants publish on {more}: left out until one of them is gone, seconds after a kill")
         if again := ", ".join(sorted(self.shut - now)):
             self._say(f"one plant alone publishes on {again}: followed again")
         self.shut = now
@@ -114,7 +124,7 @@ class LiveFollowing(Companion):
     def ended(self) -> None:
         """Tell that the process has ended by itself."""
         self._last = self._last._replace(state=STARTING)
-        self._say(f"following: its process has ended; another one begins in {AGAIN:g} s")
+        self._warn(f"following: its process has ended; another one begins in {AGAIN:g} s")
 
     def talk(self, questions: IO[bytes], answers: IO[bytes]) -> None:
         """Send messages of the plant to the process and read its answers, until either side ends."""
@@ -146,10 +156,12 @@ class LiveFollowing(Companion):
     def _note(self, answer: Estimated) -> None:
         """Note an answer of the process, log its lines, and publish its estimates."""
         self._last, self._answered = answer, time.monotonic()
-        self._alarms.add(answer.lines)
+        self._alarms.add(answer.warnings)
         self._alarms.add(answer.of_payloads, minor=True)
-        for line in (*answer.lines, *answer.of_payloads):
+        for line in answer.notes:
             self._say(line)
+        for line in (*answer.warnings, *answer.of_payloads):
+            self._warn(line)
         if answer.message:
             self._publish(answer.message)
 

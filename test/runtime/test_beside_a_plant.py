@@ -59,7 +59,7 @@ def test_no_outlook_begins_while_a_speed_will_not_last(passing, monkeypatch):
     monkeypatch.setattr(time, "monotonic", lambda: now + 65.0)
     well, said, _ = outlook.status()
     assert not well
-    assert said.startswith("an outlook takes 65 s, as this machine is too slow beside the twin")
+    assert said.startswith("an outlook takes more than 65 s, as this machine is too slow beside the twin")
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_a_warning_that_comes_after_the_event_says_so(now, said):
 
 @pytest.mark.parametrize(("behind", "well", "said"), [(4.0, True, "follows"), (19.0, False, "19 s behind the plant")])
 def test_a_twin_that_is_behind_its_plant_is_not_well(behind, well, said):
-    following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail)
+    following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail, pytest.fail)
     following._note(Estimated(7.0, b"", (), FOLLOWING, {}, {}, behind))
     assert following.status()[0] == well
     assert following.status()[1].endswith(said)
@@ -96,7 +96,7 @@ def test_a_twin_that_is_behind_its_plant_is_not_well(behind, well, said):
 
 def test_alarms_about_payloads_do_not_push_out_others():
     lines: list[str] = []
-    following = LiveFollowing(load_scenario("chairlift"), pytest.fail, lines.append)
+    following = LiveFollowing(load_scenario("chairlift"), pytest.fail, pytest.fail, lines.append)
     stuck, wrong = "3.0 s: sensor a is stuck", "9.0 s: sensor b is wrong"
     following._note(Estimated(3.0, b"", (stuck,), FOLLOWING, {}, {}))
     for number in range(2 * MOST_LINES):
@@ -110,7 +110,7 @@ def test_alarms_about_payloads_do_not_push_out_others():
 
 
 def test_an_estimator_that_stands_still_is_behind_its_plant(monkeypatch):
-    following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail)
+    following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail, pytest.fail)
     following._note(Estimated(7.0, b"", (), FOLLOWING, {}, {}))
     assert following.status()[:2] == (True, "follows")
     now = time.monotonic()
@@ -122,7 +122,9 @@ def test_an_estimator_tells_that_it_starts_and_what_it_waits_for():
     """In its own process; it is not well meanwhile, as nothing is estimated."""
     bare, lines = load_scenario("aerial_tramway", COARSE), []
     sensors = standard_sensors(bare, Simulation(bare).snapshot)
-    following = LiveFollowing(load_scenario(bare.resolved(), {"sensors": sensors}), pytest.fail, lines.append)
+    following = LiveFollowing(
+        load_scenario(bare.resolved(), {"sensors": sensors}), pytest.fail, lines.append, pytest.fail
+    )
     assert following.status()[:2] == (False, STARTING)
     following.start()
     wait_until(lambda: following.status()[1] == WAITING, 600.0)
@@ -153,19 +155,27 @@ def test_an_estimator_tells_once_that_it_compiles():
     sink.seek(0)
     told = receive(sink)
     assert told.state == COMPILING
-    assert told.lines == ("the estimator compiles its kernels, once on this machine",)
+    assert told.notes == ("the estimator compiles its kernels, once on this machine",)
+    assert told.warnings == ()
     assert told.message == b""
 
 
 def test_topics_of_several_plants_are_told_in_one_line_each_way():
     scenario = load_scenario("aerial_tramway")
-    lines: list[str] = []
-    following = LiveFollowing(scenario, lambda message: None, lines.append)
+    notes, warnings = list[str](), list[str]()
+    following = LiveFollowing(scenario, lambda message: None, notes.append, warnings.append)
     topics = ["/plant/supports/end/force", "/plant/joint_states"]
     for doubled in (topics, topics, [], []):
         following.shut_out(doubled)
     named = "/plant/joint_states, /plant/supports/end/force"
-    assert lines == [
-        f"several plants publish on {named}: left out until one of them is gone, seconds after a kill",
-        f"one plant alone publishes on {named}: followed again",
-    ]
+    assert warnings == [f"several plants publish on {named}: left out until one of them is gone, seconds after a kill"]
+    assert notes == [f"one plant alone publishes on {named}: followed again"]
+
+
+def test_what_is_normal_is_no_alarm():
+    notes, warnings = list[str](), list[str]()
+    following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, notes.append, warnings.append)
+    begins, stuck = "follows the plant from 1.2 s on", "sensor a is stuck"
+    following._note(Estimated(3.0, b"", (stuck,), FOLLOWING, {}, {}, notes=(begins,)))
+    assert (notes, warnings) == ([begins], [stuck])
+    assert [text for key, text in following.status()[2].items() if key.startswith("alarm_")] == [stuck]

@@ -42,7 +42,13 @@ class News(NamedTuple):
 
     time: float
     correction: Correction | None
-    lines: tuple[str, ...]
+    notes: tuple[str, ...]  # of what is normal: the twin waits, begins, follows again
+    warnings: tuple[str, ...]  # of what is doubted, left out, or goes wrong
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """All lines to log."""
+        return (*self.notes, *self.warnings)
 
 
 class Tracker:
@@ -57,9 +63,10 @@ class Tracker:
     Args:
         scenario: of the twin, with the sensors of the plant.
         threads: of the ensemble.
+        relief: what gives a twin that is behind its plant more of this machine, in words; empty where nothing does.
     """
 
-    def __init__(self, scenario: Scenario, threads: int = 1) -> None:
+    def __init__(self, scenario: Scenario, threads: int = 1, relief: str = "") -> None:
         follower: AnyFollower = follower_of(scenario, threads)
         self.follower, self.arrivals, self.state = follower, Arrivals(), WAITING
         self._most = {name: one.speed for name, one in command_limits(scenario).items()}
@@ -83,7 +90,8 @@ class Tracker:
         self._newest: dict[str, float] = {}  # m, of each encoder
         self._left: dict[str, float] = {}  # m, the same of those that were left out, before a silence
         self._refused: set[str] = set()
-        self.behind, self._told_behind = 0.0, False
+        self.behind, self._told_behind, self._relief = 0.0, False, relief and f"; {relief}"
+        self._notes: list[str] = []  # of what is normal, not told yet
         self._taken = 0.0  # s, of the last measurements that the twin took
 
     @property
@@ -127,8 +135,8 @@ class Tracker:
         for time, group in groupby(self.arrivals.due(arrival), key=_time):
             yield from self._take(time, list(group))
         if self.arrivals.notes:
-            lines, self.arrivals.notes = tuple(self.arrivals.notes), []
-            yield News(self.follower.time, None, lines)
+            lines, self.arrivals.notes = self.arrivals.notes, []
+            yield self._news(self.follower.time, None, lines)
         silence = arrival - self.arrivals.last
         if self.state != WAITING and silence > SILENT:
             yield from self._go_on_alone(self.arrivals.newest + silence - SILENT)
@@ -149,7 +157,7 @@ class Tracker:
                         self._pursuit.leave(name)
                     now = max(time, self.follower.time)
                     if self._pursuit.moves_again(now, name, None):
-                        lines += self._release(now)
+                        self._release(now)
                     if fault := self._drive(now, name, place):
                         lines.append(fault)
         if measured and self.state == WAITING:
@@ -171,7 +179,7 @@ class Tracker:
             self.follower.doubt_swing(waves=UNHEARD if moved else 1.0)
             if moved:
                 self._bring(time, True)
-            lines.append(f"the plant is back at {time:.1f} s: the twin follows again")
+            self._notes.append(f"the plant is back at {time:.1f} s: the twin follows again")
         zeros = dict(self.follower.zeros)
         if self._bringing and time >= self._brought:
             self._bring(time, self._pursuit.catching_up)
@@ -179,13 +187,20 @@ class Tracker:
         correction = self.follower.take(time, told) if measured else None
         if measured:
             self._taken = time
-            lines += self._silences.note(time, measured, self.follower.left_out)
+            silent, back = self._silences.note(time, measured, self.follower.left_out)
+            lines += silent
+            self._notes += back
         self._note(correction)
         if self.follower.zeros != zeros:
             lines += self._move(time)
         lines += self._pursue(time, measured)
-        if correction is not None or lines:
-            yield News(time, correction, tuple(lines))
+        if correction is not None or lines or self._notes:
+            yield self._news(time, correction, lines)
+
+    def _news(self, time: float, correction: Correction | None, warnings: Sequence[str]) -> News:
+        """Report at a time (s), with the notes that are not told yet."""
+        notes, self._notes = tuple(self._notes), []
+        return News(time, correction, notes, tuple(warnings))
 
     def _note(self, correction: Correction | None) -> None:
         """Note a correction of a followed plant, and whether one of the first ones contradicts the beginning."""
@@ -207,11 +222,13 @@ class Tracker:
         self._pursuit.stop(stop)
         return [f"the plant is stopped at {stop.time:.1f} s by an emergency stop, and the twin as well"]
 
-    def _release(self, time: float) -> list[str]:
-        """Release the emergency stop in the twin; returns lines to log."""
+    def _release(self, time: float) -> None:
+        """Release the emergency stop in the twin, and note it."""
         self._pursuit.release()
         self.follower.command(AppliedCommand(max(time, self.follower.time), Command("release", {}), SOURCE))
-        return [f"the emergency stop of the twin is released at {time:.1f} s, as the plant moves or is elsewhere"]
+        self._notes.append(
+            f"the emergency stop of the twin is released at {time:.1f} s, as the plant moves or is elsewhere"
+        )
 
     def _bring(self, time: float, bringing: bool) -> None:
         """Let encoders not count, and swing alone be corrected, while the twin is brought to the place of its plant."""
@@ -233,10 +250,10 @@ class Tracker:
             self._wait()
             self._told_behind = False
             text = f"{self.behind:.0f} s behind the plant, as this machine is too slow: begins anew at the present"
-            yield News(self.follower.time, None, (text,))
+            yield self._news(self.follower.time, None, [text + self._relief])
         elif self.behind > BEHIND and not self._told_behind:
             self._told_behind = True
-            yield News(self.follower.time, None, (f"{self.behind:.1f} s behind the plant",))
+            yield self._news(self.follower.time, None, [f"{self.behind:.1f} s behind the plant{self._relief}"])
         elif self.behind < 0.5 * BEHIND:
             self._told_behind = False
 
@@ -270,9 +287,10 @@ class Tracker:
                 self._waits = True
                 names, then = ", ".join(changing), "stop it" if self.follower.needs_rest else "keep its speed"
                 text = f"waits until {names} of the plant {self.wanted}: {then} for some seconds, to have estimates"
-                yield News(time, None, (text,))
+                self._notes.append(text)
+                yield self._news(time, None, [])
             return
-        yield News(time, None, tuple(self._begin_at(time)))
+        yield self._news(time, None, self._begin_at(time))
 
     def _is_steady(self, time: float, name: str) -> bool:
         """Whether a carriage or drive of the plant stands, or moves at a constant speed where that is enough to begin.
@@ -307,12 +325,12 @@ class Tracker:
         self.state, self._cannot = FOLLOWING, False
         if time - self._moved < CALMED:
             self.follower.doubt_swing()
-        lines = [f"follows the plant from {time:.1f} s on: {where or 'no encoder tells where it is'}"]
+        self._notes.append(f"follows the plant from {time:.1f} s on: {where or 'no encoder tells where it is'}")
         standing = not any(speed for _, speed in motion.values())
         if standing and (held := [name for name in motion if self._pursuit.is_held(time, name)]):
             self._stop = Stop(held[0], time, 0.0, 0.0)
-            lines += self._begin_stop(time)
-        return lines
+            return self._begin_stop(time)
+        return []
 
     def _pursue(self, time: float, measured: Sequence[Measurement]) -> list[str]:
         """Command the drives of the twin to follow the encoders; restart where the plant is far from the twin."""
@@ -342,7 +360,7 @@ class Tracker:
             if not trusted:
                 continue
             if self._pursuit.moves_again(time, name, place):
-                lines += self._release(time)
+                self._release(time)
                 self._bring(time, True)
             if fault := self._drive(time, name, place):
                 lines.append(fault)
@@ -369,12 +387,13 @@ class Tracker:
             self._forget()
             self._left = {name: place for name, place in self._newest.items() if name in self.follower.left_out}
             since = self.arrivals.newest
-            yield News(since, None, (f"nothing from the plant since {since:.1f} s: the twin goes on by its model",))
+            text = f"nothing from the plant since {since:.1f} s: the twin goes on by its model"
+            yield self._news(since, None, [text])
         if self._taken + self.follower.window <= until:  # commands alone may have brought the twin beyond it
             self._taken = time = round(max(self._taken + self.follower.window, self.follower.time), 6)
             correction = self.follower.take(time, [])
             if correction is not None:
-                yield News(time, self._unheard.widened(correction, time - self.arrivals.newest), ())
+                yield self._news(time, self._unheard.widened(correction, time - self.arrivals.newest), [])
 
 
 def _time(item: Item) -> float:
