@@ -162,13 +162,14 @@ def one(time, sensor):
 
 
 def test_a_sensor_that_is_silent_while_others_speak_is_told_once_and_when_it_is_back():
-    silences, lines = Silences(), ([], [])
+    silences, silent, back = Silences(), [], []
     for number in range(100):
         time = 0.1 * number
         speak = ["a"] if 3.0 < time < 8.0 else ["a", "b"]
-        for kept, told in zip(lines, silences.note(time, [one(time, name) for name in speak], {}), strict=True):
-            kept += told
-    (silent,), (back,) = lines
+        lines = silences.note(time, [one(time, name) for name in speak], {})
+        silent += lines[0]
+        back += lines[1]
+    (silent,), (back,) = silent, back
     assert silent.startswith("sensor b is silent since 3.0 s, for ")
     assert float(silent.split()[-5]) == pytest.approx(QUIET, abs=0.2)
     assert back == "sensor b is back after 5.0 s"

@@ -9,6 +9,7 @@ import pytest
 
 from cable_twin.ensemble.estimate.arrivals import OTHER_CLOCK, RESET, Arrivals
 from cable_twin.ensemble.estimate.pursuit import APART, BELOW, CLOSING, Pursuit
+from cable_twin.ensemble.estimate.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT, WAITING, Tracker
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.scenario import load_scenario
@@ -292,6 +293,52 @@ def test_an_encoder_that_is_left_out_counts_again_where_a_plant_that_was_silent_
     assert [line.partition(": ")[2] for line in begun[1:]] == ["cabin at 400.00 m with 0.00 m/s"] * again
     assert any("from the twin, which begins anew there; sensor encoder_cabin, which" in line for line in lines) == again
     tracker.follower.close()
+
+
+@pytest.mark.parametrize("sensor", ["load_tower", "encoder_cabin"])
+def test_a_sensor_that_is_left_out_counts_again_where_somebody_says_so_until_it_is_wrong(measured, sensor):
+    """Its alarm was false; later it sticks, and is left out again."""
+    scenario, found = measured
+    tracker, lines, corrections, at, kept = tracker_of(scenario), [], [], {"left out": 2.5, "again": 4.0}, None
+    for number in range(240):
+        now = 0.05 * (number + 1)
+        if now > at["left out"]:
+            tracker.follower.doubts.leave_out(sensor, at.pop("left out"), "it contradicts all others")
+            at["left out"] = np.inf
+        if now > at["again"]:
+            assert [*tracker.follower.left_out] == [sensor]
+            tracker.readmit(sensor)
+            tracker.readmit(sensor)  # twice is as good as once
+            at["again"] = np.inf
+        arrived = [item for item in found if now - 0.05 < item.time <= now]
+        own = [item.values for item in arrived if item.sensor == sensor]
+        kept = kept or (own[0] if own and now > 5.0 else None)
+        if kept is not None:
+            arrived = [replace(item, values=kept) if item.sensor == sensor else item for item in arrived]
+        tracker.measure(arrived, now)
+        for news in tracker.advance(now):
+            lines += news.lines
+            corrections += [news.correction] if news.correction else []
+    again = f"sensor {sensor} counts again, as asked for"
+    assert lines.count(again) == 1
+    alarms = [one.reason for correction in corrections for one in correction.alarms]
+    (stuck,) = [reason for reason in alarms if sensor in reason]
+    assert stuck.startswith(f"sensor {sensor} is stuck")
+    assert [*tracker.follower.left_out] == [sensor]
+    tracker.follower.close()
+
+
+def test_a_sensor_that_counts_again_does_so_as_well_where_what_was_known_before_is_restored():
+    doubts = Doubts({})
+    doubts.leave_out("a", 3.0, "is stuck")
+    doubts.leave_out("b", 4.0, "is stuck")
+    known = doubts.known
+    doubts.readmit("a")
+    doubts.known = known
+    assert [*doubts.left_out] == ["b"]
+    doubts.leave_out("a", 9.0, "is stuck")
+    doubts.known = doubts.known
+    assert sorted(doubts.left_out) == ["a", "b"]
 
 
 def test_a_twin_that_is_too_far_behind_begins_anew_at_the_present(measured, monkeypatch):

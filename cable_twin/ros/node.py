@@ -19,6 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rich.console import Console
 
+from cable_twin.basics.printable import printable
 from cable_twin.frame.commands import JOINT_COMMANDS, KINDS
 from cable_twin.frame.records import AppliedCommand, PlantEstimates, RefusedCommand
 from cable_twin.key_figures import compile_figures
@@ -267,7 +268,13 @@ class TwinNode(Node):
         self.create_timer(1.0, self._diagnostics.publish, clock=steady)
         self.create_timer(REPEAT, partial(self._rviz.check_listeners, self._loop, self._output), clock=steady)
         self.add_pre_set_parameters_callback(with_doubles)
-        self._parameter_service = LiveParameterService(self, self._loop, self.loading, reader)
+        self._parameter_service = LiveParameterService(self, self._loop, self.loading, reader, self._readmit)
+
+    def _readmit(self, sensor: str) -> str:
+        """Let a sensor of the plant that is left out count again; returns why that cannot be, empty otherwise."""
+        if (following := self._diagnostics.following) is None:
+            return f"readmit: given '{printable(sensor)}'; allowed: none, as this twin follows no plant"
+        return following.readmit(sensor)
 
     @property
     def failed(self) -> bool:

@@ -12,7 +12,7 @@ from cable_twin.recording.splitting import Splitting
 
 RERUN_MODES = ("none", "file", "live", "web")
 FALSE = ("off", "false")  # accepted for "none"; YAML reads off as false
-CHANGING = ("scenario", "command_timeout", "step_count")  # parameters that may be set while the twin runs
+CHANGING = ("scenario", "command_timeout", "step_count", "readmit")  # parameters that may be set while the twin runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +205,12 @@ PARAMETERS = (
         False,
         "follow the plant that publishes under /plant/: its drives, and ~/estimate with what its sensors tell of "
         "hidden quantities; from a process beside the twin at a lower priority",
+    ),
+    Parameter(
+        "readmit",
+        "",
+        "set while the twin follows a plant: name of a sensor that is left out, which counts again from then on; it is "
+        "empty again at once",
     ),
     Parameter("allow_second", False, "start even if a twin of the same name already runs in this ROS domain"),
     Parameter("start_paused", False, "start paused, until the service ~/pause or ~/step is called"),

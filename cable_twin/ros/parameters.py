@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, cast
@@ -181,15 +181,25 @@ class LiveParameterService(ParameterService):
         loop: frame loop.
         loading: loads another scenario.
         reader: reads another scenario.
+        readmit: lets a sensor of the plant count again, or returns why it cannot.
     """
 
-    def __init__(self, node: Node, loop: FrameLoop, loading: WorldLoading, reader: ScenarioReader) -> None:
+    def __init__(
+        self,
+        node: Node,
+        loop: FrameLoop,
+        loading: WorldLoading,
+        reader: ScenarioReader,
+        readmit: Callable[[str], str],
+    ) -> None:
         self._node, self._loop, self._loading, self._reader = node, loop, loading, reader
+        self._readmit = readmit
         self._scenario = node.get_parameter("scenario").value
         self._read: tuple[str, Future[Scenario]] | None = None
         super().__init__(cast("Node", _Grouped(node)))
         self._node_weak_ref = weakref.ref(node)
         node.add_on_set_parameters_callback(self.on_set)
+        node.add_post_set_parameters_callback(self._after_set)
 
     async def prepare(self, given: Sequence[ParameterMessage]) -> None:
         """Read a newly set scenario before `on_set` accepts or refuses it."""
@@ -208,12 +218,19 @@ class LiveParameterService(ParameterService):
         for parameter in PARAMETERS:
             if parameter.name in given and (fault := parameter.fault(given[parameter.name])):
                 return SetParametersResult(successful=False, reason=fault)
+        if (sensor := given.get("readmit")) and (fault := self._readmit(sensor)):
+            return SetParametersResult(successful=False, reason=fault)
         wanted = given.get("scenario", self._scenario)
         if wanted != self._scenario and (fault := self._load(wanted)):
             return SetParametersResult(successful=False, reason=fault)
         if "command_timeout" in given:
             self._loop.command_timeout = float(given["command_timeout"])
         return SetParametersResult(successful=True)
+
+    def _after_set(self, parameters: Sequence[RosParameter]) -> None:
+        """Make `readmit` empty again, so that it can be set to the same sensor later; callback of rclpy."""
+        if any(one.name == "readmit" and one.value for one in parameters):
+            self._node.set_parameters([RosParameter("readmit", value="")])
 
     def _load(self, wanted: str) -> str:
         """Begin to load a scenario; returns the reason of a refusal, empty otherwise."""

@@ -18,7 +18,7 @@ from cable_twin.messages.command_messages import command_from_message
 from cable_twin.messages.figure_messages import estimate_message
 from cable_twin.messages.sensor_messages import measurements_from_message
 from cable_twin.runtime.companion import inbox, send, serve_twin
-from cable_twin.runtime.following import COMMANDS, COMPILING, Arrival, Estimated
+from cable_twin.runtime.following import COMMANDS, COMPILING, READMIT, Arrival, Estimated
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation.first_compilation import Moment, watching_compilation
 
@@ -44,7 +44,9 @@ class Decoder:
             self.epoch_ns = one.arrival_ns
         arrival = (one.arrival_ns - self.epoch_ns) / SECOND
         try:
-            if one.topic == COMMANDS:
+            if one.topic == READMIT:
+                self._tracker.readmit(one.data.decode())
+            elif one.topic == COMMANDS:
                 command = command_from_message("joint_commands", one.data)
                 if getattr(command, "kind", "") == "speed" and self._tracker.arrivals.started:
                     self._tracker.command(command.values, arrival)  # type: ignore[union-attr]

@@ -15,6 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import IO, NamedTuple
 
 from cable_twin.basics.newest import NewestLines
+from cable_twin.basics.printable import printable
 from cable_twin.ensemble.estimate.detectors.emergency_stops import EmergencyStops
 from cable_twin.ensemble.estimate.followers import unfollowable
 from cable_twin.ensemble.estimate.pursuit import pursuit_of
@@ -23,6 +24,7 @@ from cable_twin.runtime.companion import AGAIN, GLANCE, Companion, receive, send
 from cable_twin.scenario import Scenario
 
 COMMANDS = "joint_commands"  # topic of what a plant is commanded, below its namespace
+READMIT = "readmit"  # instead of a topic: the name of a sensor that is to count again
 STARTING, COMPILING = "starts", "compiles its kernels"  # nothing is estimated yet
 SETTLED = 5.0  # s between two answers of a process that follows, at most: more is time by which it is behind
 MOST_LINES = 20  # of alarms in the diagnostics, the newest ones, those about payloads the first to go
@@ -32,7 +34,7 @@ MOST_WAITING = 20_000  # messages of a plant that may wait for the process
 class Arrival(NamedTuple):
     """Message of a plant as it arrived: topic, bytes, and time of arrival."""
 
-    topic: str  # as `sensor_topic` has it, or `COMMANDS`
+    topic: str  # as `sensor_topic` has it, `COMMANDS`, or `READMIT`
     data: bytes  # CDR
     arrival_ns: int  # by the clock of this machine
 
@@ -93,6 +95,17 @@ class LiveFollowing(Companion):
         self._arrived = time.monotonic()
         if self._waiting.qsize() < MOST_WAITING:
             self._waiting.put(Arrival(topic, data, time.time_ns()))
+
+    def readmit(self, sensor: str) -> str:
+        """Let a sensor that is left out count again; returns why that cannot be, empty otherwise."""
+        left_out = self._last.left_out
+        if sensor not in left_out:
+            allowed = (
+                f"a sensor that is left out: {', '.join(left_out)}" if left_out else "none, as no sensor is left out"
+            )
+            return f"readmit: given '{printable(sensor)}'; allowed: {allowed}"
+        self._waiting.put(Arrival(READMIT, sensor.encode(), time.time_ns()))
+        return ""
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
         """Status of the following for the diagnostics: whether all is well, a message, and values."""

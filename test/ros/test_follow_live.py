@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from ros_participant import Participant
 from sensor_msgs.msg import JointState
 from twin_process import COMPILING, TwinProcess, allocate_domain, environment, release_domain, run_module
@@ -159,4 +161,11 @@ def test_a_twin_goes_on_where_the_encoder_of_its_lift_sticks(tmp_path, domain, s
     place = participant.arc_length
     participant.until(lambda: participant.arc_length > place + 20.0, COMPILING, "a twin that still goes on")
     assert participant.speed > 2.4
+    sticks.clear()
+    value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="encoder_haul_rope")
+    for said in ("", "readmit: given 'encoder_haul_rope'; allowed: none, as no sensor is left out"):
+        setting = [Parameter(name="readmit", value=value)]
+        (result,) = participant.call("set_parameters", SetParameters, parameters=setting).results
+        assert result.reason == said
+        participant.until(lambda: following(participant) == "follows", COMPILING, "an encoder that counts again")
     participant.close()

@@ -172,6 +172,15 @@ def test_topics_of_several_plants_are_told_in_one_line_each_way():
     assert notes == [f"one plant alone publishes on {named}: followed again"]
 
 
+def test_a_sensor_counts_again_only_where_it_is_left_out():
+    following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail, pytest.fail)
+    assert following.readmit("load_end") == "readmit: given 'load_end'; allowed: none, as no sensor is left out"
+    following._note(Estimated(3.0, b"", (), FOLLOWING, {"load_tower": "is stuck"}, {}))
+    allowed = "a sensor that is left out: load_tower"
+    assert following.readmit("load_end") == f"readmit: given 'load_end'; allowed: {allowed}"
+    assert following.readmit("load_tower") == ""
+
+
 def test_what_is_normal_is_no_alarm():
     notes, warnings = list[str](), list[str]()
     following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, notes.append, warnings.append)

@@ -13,7 +13,7 @@ from cable_twin.ensemble.estimate.correction import Correction
 from cable_twin.ensemble.estimate.detectors.emergency_stops import EmergencyStops, Stop, decelerations
 from cable_twin.ensemble.estimate.detectors.silences import Silences
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of
-from cable_twin.ensemble.estimate.pursuit import pursuit_of
+from cable_twin.ensemble.estimate.pursuit import APART, pursuit_of
 from cable_twin.ensemble.estimate.waves import Unheard
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.sensors import Measurement
@@ -118,6 +118,18 @@ class Tracker:
         time = self.arrivals.now(arrival)
         self.arrivals.command(AppliedCommand(time, Command("speed", dict(speeds)), SOURCE))
 
+    def readmit(self, sensor: str) -> None:
+        """Let a sensor that is left out count again, as somebody knows who has looked at it; others are left alone."""
+        if sensor not in self.follower.left_out:
+            return
+        self.follower.doubts.readmit(sensor)
+        self._left.pop(sensor, None)
+        self._notes.append(f"sensor {sensor} counts again, as asked for")
+        if sensor in self._encoders and self.state == FOLLOWING:
+            place = self.follower.place_of(sensor)
+            if abs(self._newest.get(sensor, place) - place) > APART:
+                self._bring(self.follower.time, True)
+
     def advance(self, arrival: float, present: float | None = None) -> Iterator[News]:
         """Advance the twin to a time (s) of this computer's clock; yields corrections and lines to log.
 
@@ -134,7 +146,7 @@ class Tracker:
             arrival = present
         for time, group in groupby(self.arrivals.due(arrival), key=_time):
             yield from self._take(time, list(group))
-        if self.arrivals.notes:
+        if self.arrivals.notes or self._notes:
             lines, self.arrivals.notes = self.arrivals.notes, []
             yield self._news(self.follower.time, None, lines)
         silence = arrival - self.arrivals.last
@@ -351,7 +363,7 @@ class Tracker:
                 self._wait()
                 text = f"{name} is {apart:+.1f} m from the twin, which begins anew there"
                 if not trusted:
-                    del self.follower.left_out[one.sensor]
+                    self.follower.doubts.readmit(one.sensor)
                     text += f"; sensor {one.sensor}, which was left out, counts again"
                 if time - self._begun < PROVEN and self._agreed < FIRST:
                     self.follower.learned = self._learned

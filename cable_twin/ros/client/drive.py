@@ -49,6 +49,7 @@ examples:
   drive --pause                          and drive --step 10, drive --resume
   drive --snapshot
   drive --load gondola                   the same twin with another scenario; also the path of a YAML file
+  drive --readmit load_tower             a sensor of a plant, which its twin has left out, counts again
   drive --list                           the twins of this domain
   drive --show figures                   also state, outlook, and estimate of a twin that follows its plant
   drive cabin --speed 5 --ros-args -r __ns:=/b \\
@@ -60,7 +61,7 @@ drive [-h] [--node NODE] [--wait S] ... and one of
        drive NAME (--payload KG | --to PLACE [--at-most M/S])
        drive (--wind M/S [M/S ...] | --temperature DEGC)
        drive (--emergency-stop | --release | --reset | --pause | --resume)
-       drive (--step N | --snapshot | --load SCENARIO | --list)
+       drive (--step N | --snapshot | --load SCENARIO | --readmit SENSOR | --list)
        drive --show {state,figures,outlook,estimate}"""
 
 
@@ -90,6 +91,9 @@ def parser() -> OneLineParser:
         "a tower; of a drive m of its travel, start or end",
     )
     what.add_argument("--load", metavar="SCENARIO", help="start another scenario in the running twin, with new logs")
+    what.add_argument(
+        "--readmit", metavar="SENSOR", help="let a sensor count again that a twin which follows its plant has left out"
+    )
     what.add_argument("--list", action="store_true", help="list the twins of this ROS domain with their state")
     what.add_argument("--show", choices=[*SHOWN], help="print what the twin publishes next of these, and end")
     result.add_argument(
@@ -247,6 +251,8 @@ def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> 
             return client.step(options.step)
         if options.load is not None:
             return client.load(str(Path(options.load).absolute()) if Path(options.load).suffix else options.load)
+        if options.readmit is not None:
+            return client.readmit(options.readmit)
         service, switch, _ = next(action for name, action in ACTIONS.items() if getattr(options, name))
         return client.call(service, switch)
     if kind.service:

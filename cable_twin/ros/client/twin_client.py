@@ -207,6 +207,15 @@ class TwinClient:
         self._set("scenario", scenario)
         return f"loads {scenario} and starts it from the beginning"
 
+    def readmit(self, sensor: str) -> str:
+        """Let a sensor that a twin leaves out count again; returns a confirmation.
+
+        Raises:
+            TwinError: there is no twin, it does not answer, or leaves out no such sensor.
+        """
+        self._set("readmit", sensor)
+        return f"{sensor} counts again"
+
     def _set(self, name: str, value: int | str) -> None:
         from rcl_interfaces.srv import SetParameters  # noqa: PLC0415
         from rclpy.parameter import Parameter  # noqa: PLC0415

@@ -187,7 +187,7 @@ class Biases:
             alarms.append(doubts.leave_out(wrong, time, text))
         for name in [name for name in doubts.left_out if name not in self._undone]:
             belief = self.without(belief, name)
-            self._undone.add(name)
+        self._undone = {*doubts.left_out}
         return belief, alarms
 
     def _suspect(self, time: float, doubts: Doubts) -> Iterator[Alarm]:

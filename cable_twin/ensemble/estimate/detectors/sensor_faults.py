@@ -15,7 +15,7 @@ from cable_twin.mechanics.parameters import FloatArray
 
 THOUSANDFOLD = 300.0, 3000.0  # times a prediction that a sensor with a wrong unit reads, or the inverse of that
 PLANT = "plant"  # instead of a sensor: several contradict
-SUSPECT_WINDOWS = 3  # in which it has to, one after the other, before it is left out for good
+SUSPECT_WINDOWS = 3  # in which it has to, one after the other, before it is left out
 STUCK_SAMPLES = 30  # equal ones of a sensor with noise
 STANDING_SAMPLES = 5  # equal ones of an encoder, which before was faster than
 LEAPT_SAMPLES, ALIKE = 5, 0.3  # samples after a leap, and share of it by which these may differ
@@ -58,7 +58,7 @@ class Doubts:
     """Detector of faulty sensors of a plant: stuck, jumping, of another unit, swapped, or contradicting the others.
 
     Attributes:
-        left_out: sensors that are left out for good, each with its alarm.
+        left_out: sensors that are left out, each with its alarm, until `readmit`.
         mistrusted: sensors of which it was said that they seem to be wrong.
 
     Args:
@@ -79,6 +79,7 @@ class Doubts:
         self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
         self.left_out: dict[str, Alarm] = {}
         self.mistrusted: set[str] = set()
+        self._revoked: dict[str, Alarm] = {}  # of sensors that count again
 
     def taken(self, sensor: str) -> str:
         """Sensor that a measurement named `sensor` counts for, the other one if swapped; empty if left out."""
@@ -93,7 +94,8 @@ class Doubts:
 
     @known.setter
     def known(self, known: tuple[dict[str, Alarm], dict[str, str]]) -> None:
-        self.left_out, self._exchanged = known
+        left_out, self._exchanged = known
+        self.left_out = {name: one for name, one in left_out.items() if self._revoked.get(name) != one}
 
     @property
     def suspects(self) -> bool:
@@ -185,9 +187,18 @@ class Doubts:
         return [self.leave_out(contradicting, time, text)]
 
     def leave_out(self, sensor: str, time: float, reason: str) -> Alarm:
-        """Leave out a sensor for good, from a time (s) on; returns the alarm with the reason."""
+        """Leave out a sensor from a time (s) on; returns the alarm with the reason."""
         self.left_out[sensor] = alarm = Alarm(time, reason)
         return alarm
+
+    def readmit(self, sensor: str) -> None:
+        """Let a sensor that is left out count again, also where `known` is set to what was known before."""
+        self._revoked[sensor] = self.left_out.pop(sensor)
+        for kept in (self._last, self._moved, self._away, self._of_other_units, self._negatives):
+            kept.pop(sensor, None)  # type: ignore[attr-defined]
+        if sensor in self._jumps:
+            self._jumps[sensor].forget()
+            self._leaps[sensor].clear()
 
     def _read(self, measurements: Sequence[Measurement]) -> Iterator[tuple[Measurement, Reading]]:
         """Measurements by sensors that are not left out, each with the quantity that its sensor reads."""

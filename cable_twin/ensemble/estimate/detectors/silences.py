@@ -22,14 +22,16 @@ class Silences:
         self._last.clear()
         self._silent.clear()
 
-    def note(self, time: float, measurements: Sequence[Measurement], left_out: Collection[str]) -> list[str]:
-        """Add the samples of a time (s); returns lines about sensors that have fallen silent, or are back."""
-        lines = []
+    def note(
+        self, time: float, measurements: Sequence[Measurement], left_out: Collection[str]
+    ) -> tuple[list[str], list[str]]:
+        """Add the samples of a time (s); returns lines about sensors that have fallen silent, and that are back."""
+        silent, back = list[str](), list[str]()
         for one in measurements:
             since = time - self._last.get(one.sensor, time)
             if one.sensor in self._silent:
                 self._silent.discard(one.sensor)
-                lines.append(f"sensor {one.sensor} is back after {since:.1f} s")
+                back.append(f"sensor {one.sensor} is back after {since:.1f} s")
             else:
                 self._usual[one.sensor] = max(self._usual.get(one.sensor, 0.0), since)
             self._last[one.sensor] = time
@@ -37,5 +39,7 @@ class Silences:
             quiet = time - last > max(QUIET, SELDOM * self._usual[name])
             if quiet and name not in self._silent and name not in left_out:
                 self._silent.add(name)
-                lines.append(f"sensor {name} is silent since {last:.1f} s, for {time - last:.1f} s, while others speak")
-        return lines
+                silent.append(
+                    f"sensor {name} is silent since {last:.1f} s, for {time - last:.1f} s, while others speak"
+                )
+        return silent, back
