@@ -39,7 +39,7 @@ from cable_twin.ros.startup import (
     take_profile,
 )
 
-BUILTIN_ENDPOINT_SET = 0x0058  # a parameter of what participants announce: RTPS 2.5, table 9.14
+LEASE_DURATION, BUILTIN_ENDPOINT_SET = 0x0002, 0x0058  # parameters that participants announce: RTPS 2.5, table 9.14
 TYPE_LOOKUP = 0xF000  # its bits of the service that asks for types: XTypes 1.3, 7.6.3.3.3
 DATA, PARTICIPANTS = 0x15, bytes.fromhex("000100c2")
 AT_ONCE = 6  # announcements that come at once, at the start of a participant
@@ -107,10 +107,12 @@ def test_twin_starts_where_a_killed_process_left_a_port_half_made(processes, dom
 
 
 @pytest.mark.skipif(rclpy.get_rmw_implementation_identifier() != "rmw_fastrtps_cpp", reason="of Fast DDS")
-def test_twin_asks_nobody_for_types_and_announces_itself_often(processes, domain, tmp_path):
+def test_twin_asks_nobody_for_types_announces_itself_often_and_is_soon_known_to_be_gone(processes, domain, tmp_path):
     processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", domain=domain)
     said = announcements(domain, COMPILING)
-    assert parameter(*next(said)) & TYPE_LOOKUP == 0
+    first = next(said)
+    assert parameter(BUILTIN_ENDPOINT_SET, *first) & TYPE_LOOKUP == 0
+    assert parameter(LEASE_DURATION, *first) == 5  # s
     *_, last = (time.monotonic() for _ in islice(said, AT_ONCE))
     *_, later = (time.monotonic() for _ in islice(said, 20))
     assert later - last < 30.0  # s: a minute, were it every 3 s
@@ -148,15 +150,15 @@ def announcements(domain: int, timeout: float) -> Iterator[tuple[bytes, str]]:
     raise AssertionError("no participant announces itself")
 
 
-def parameter(content: bytes, order: str) -> int:
-    """Built-in endpoints in a list of parameters."""
+def parameter(wanted: int, content: bytes, order: str) -> int:
+    """First four bytes of a parameter in a list of them."""
     place = 0
     while place + 8 <= len(content):
         number, length = struct.unpack_from(f"{order}HH", content, place)
-        if number == BUILTIN_ENDPOINT_SET:
+        if number == wanted:
             return int(struct.unpack_from(f"{order}I", content, place + 4)[0])
         place += 4 + length
-    raise AssertionError("a participant says nothing of its endpoints")
+    raise AssertionError(f"a participant does not announce parameter {wanted:#06x}")
 
 
 @pytest.fixture
