@@ -74,6 +74,10 @@ def declare_parameters(node: Node) -> dict[str, Any]:
             node.undeclare_parameter(parameter.name)
             node.declare_parameter(parameter.name, value, _descriptor(parameter), ignore_override=True)
         values[parameter.name] = value
+    if values["readmit"]:
+        faults.append(
+            f"parameter 'readmit': given '{values['readmit']}'; allowed: none at the start, as no sensor is out"
+        )
     if not faults:
         faults = splitting_of(values).faults("parameter '{}'".format)
     if faults:

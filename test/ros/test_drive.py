@@ -330,6 +330,11 @@ class twin_line:  # noqa: N801 - stands for a text
     __hash__ = None
 
 
+def test_a_twin_that_follows_no_plant_has_no_sensor_to_readmit(request_of):
+    said = "drive: /cable_twin: readmit: given 'load_end'; allowed: none, as this twin follows no plant"
+    assert request_of("--readmit", "load_end") == (1, said)
+
+
 def test_it_pauses_steps_and_resumes(twin, request_of):
     code, output = request_of("--step", "2")
     assert (code, output) == (1, "drive: /cable_twin: not paused: call ~/pause with true first, as drive --pause does")

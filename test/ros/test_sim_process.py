@@ -273,6 +273,7 @@ BAD_PARAMETERS = [
     (["--frames", "10"], "sim: unrecognized arguments: --frames; all options: sim --help"),
     (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
     (["--ros-args", "-p", "use_sim_time:=maybe"], "sim: parameter 'use_sim_time': given 'maybe'; allowed: a bool"),
+    (["--readmit", "load_end"], "sim: parameter 'readmit': given 'load_end'; allowed: none at the start, as no "),
     (["--frame-id", "/map"], "sim: parameter 'frame_id': given '/map'; allowed: coordinate frame of all positions; "),
     (["--frame-prefix", "a b/"], "sim: parameter 'frame_prefix': given 'a b/'; allowed: prefix of the coordinate "),
     (
