@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.arrivals import OTHER_CLOCK, RESET, Arrivals
+from cable_twin.ensemble.estimate.detectors.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.pursuit import APART, BELOW, CLOSING, Pursuit
-from cable_twin.ensemble.estimate.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT, WAITING, Tracker
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.scenario import load_scenario

@@ -242,7 +242,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, quick_twin):
         (
             ["cabin"],
             "one of the arguments --speed --force --payload --wind --temperature --emergency-stop --release --reset "
-            "--pause --resume --snapshot --step --to --load --list --show is required",
+            "--pause --resume --snapshot --step --to --load --readmit --list --show is required",
         ),
     ],
 )

@@ -194,6 +194,7 @@ class Doubts:
     def readmit(self, sensor: str) -> None:
         """Let a sensor that is left out count again, also where `known` is set to what was known before."""
         self._revoked[sensor] = self.left_out.pop(sensor)
+        self.mistrusted.discard(sensor)
         for kept in (self._last, self._moved, self._away, self._of_other_units, self._negatives):
             kept.pop(sensor, None)  # type: ignore[attr-defined]
         if sensor in self._jumps:
