@@ -255,6 +255,36 @@ def small_swing() -> Iterator[Result]:
         yield Result(f"rms of 30 to 40 s, {step * 1e3:g} ms", "mm/s", *swings, 5e-3 * swings[0])
 
 
+@case("station rails", "1 - 10 u³ + 15 u⁴ - 6 u⁵ of the weight; steps of half the size")
+def rails() -> Iterator[Result]:
+    """The rope bears the rest of a cabin that stands on them; one that comes from them has one contact force."""
+    rails, place = 12.0, 4.0  # m
+    for space in (2, 3):
+        changes = {"carriers.station_rails": rails, "carriers.first": place, "space": space}
+        simulation = Simulation(load_scenario("gondola", changes), samples=2)
+        columns, system = simulation.snapshot.columns, simulation.parts["up"].system
+        first = int(np.argmin(np.where(columns.attached == 1.0, columns.arc_length, np.inf)))
+        u = float(columns.arc_length[first]) / rails
+        weight = (
+            simulation.scenario.gravity * system.carriages.mass[slice(*system.carriages.body_offset[first:][:2])].sum()
+        )
+        left = 1e-3 * weight * (10.0 * u**3 - 15.0 * u**4 + 6.0 * u**5)
+        got = 1e-3 * float(columns.contact_force[first, 2])
+        yield Result(f"weight on the rope at rest, {'plane' if space == 2 else 'space'}", "kN", left, got, 1e-6 * left)
+    highest = []
+    for step in (0.005, 0.01):
+        simulation = Simulation(
+            load_scenario("gondola", {"solver.step": step, "drives.haul_rope.speed": 6.0}), samples=2
+        )
+        most = 0.0
+        for frame in range(1, 3001):
+            columns = simulation.advance_to(0.01 * frame).columns
+            counts = (columns.attached == 1.0) & (columns.vehicle_rope == 0.0) & (columns.arc_length < 60.0)
+            most = max(most, float(np.linalg.norm(columns.contact_force[counts], axis=1).max(initial=0.0)))
+        highest.append(1e-3 * most)
+    yield Result("highest contact force up to behind the first tower", "kN", *highest, 0.01 * highest[0])
+
+
 @case("order in the step, of a loop", "generalized-alpha is of second order", needs_jit=True)
 def order() -> Iterator[Result]:
     """Both wheels free and ringing: how far the return wheel has gone after a second, from one and the same state."""
