@@ -38,6 +38,7 @@ both programs took half the time (6.9 µs and 139 µs on 24 elements).
 The line below each part says when, on which machine and with which version it was measured. Elements and vehicles are
 those that a scenario had then: `aerial_tramway` had 260 elements, then 102 and 61, and is shipped with 67.
 """
+CUT = "…"  # behind a word that is cut
 BOUNDLESS = 10_000  # characters
 HEADING = 20  # characters of one beside its numbers
 PICTURES = "pictures"  # directory beside the page
@@ -124,7 +125,9 @@ def _below(table: Table, rows: list[dict[str, Value]]) -> RichTable:
 def _fits(shown: RichTable, console: Console) -> bool:
     """Whether a table fits the terminal without cut words."""
     ample = console.options.update(width=BOUNDLESS)
-    return Measurement.get(console, ample, shown).minimum <= console.width
+    if Measurement.get(console, ample, shown).minimum > console.width:
+        return False
+    return not any(CUT in part.text for part in console.render(shown))  # columns may get narrower than their words
 
 
 def read(directory: Path) -> dict[str, Any]:

@@ -267,6 +267,19 @@ def test_tables_have_every_number_on_a_narrow_terminal(width):
     assert all(re.search(rf"\b{number}\b", printed) for row in rows for number in row.values())
 
 
+@pytest.mark.parametrize("width", [100, 110, 120, 130])
+def test_no_number_is_cut_where_headings_take_the_room(width):
+    """Lateness of frames, as the live benchmark has it: one long number in a narrow column."""
+    headings = "frames|missed|median [ms]|p99 [ms]|p99.9 [ms]|max [ms]|below 0.5 ms|0.5 to 1 ms|1 to 2 ms|2 to 3 ms"
+    names = f"{headings}|3 to 5 ms|5 to 10 ms|over 10 ms".split("|")
+    numbers = [6098, 0, 0.0912, 4.45, 6.94, 9.32, 4026, 496, 136, 1094, 333, 13, 0]
+    rows = [{"process": process, **dict(zip(names, numbers, strict=True))} for process in ("twin", "bare timer")]
+    console = Console(width=width, file=StringIO())
+    print_part(Part("Live", [Table("lateness", rows)], []), console)
+    assert "…" not in console.file.getvalue()
+    assert console.file.getvalue().count("0.0912") == 2
+
+
 def live(*arguments, directory):
     """Module of the live benchmark, in a ROS domain of its own."""
     return run_python("-m", "benchmarks", "live", *arguments, directory=directory, variables=environment(directory))
