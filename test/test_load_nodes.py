@@ -185,7 +185,7 @@ def test_a_change_of_nodes_does_not_turn_a_vehicle_in_wind_from_the_side():
 def test_a_lift_passes_its_stations(lift):
     """Carriers leave and come onto ropes whose nodes follow them: highest tensions are those of a finer mesh.
 
-    With elements half as long they are the same to 0.02 %. The joint of the paper spreads a bend over an element and
+    With elements half as long they are the same to 0.03 %. The joint of the paper spreads a bend over an element and
     has others by 0.54 % on the mesh of the gondola and by 0.39 % on the finer one: it comes within 1 %.
     """
     ropes, places = load_scenario(lift).ropes, np.linspace(10.0, 700.0, 50)
@@ -200,5 +200,5 @@ def test_a_lift_passes_its_stations(lift):
         return [simulation.cable_tension(places, rope).max() for rope in ropes]
 
     found = highest("node", 1.0)
-    np.testing.assert_allclose(found, highest("node", 2.0), rtol=2e-4)
+    np.testing.assert_allclose(found, highest("node", 2.0), rtol=3e-4)
     np.testing.assert_allclose(found, highest("paper", 1.0), rtol=1e-2)
