@@ -17,6 +17,7 @@ from cable_twin.ensemble.estimate.detectors.sensor_faults import STUCK_SAMPLES, 
 from cable_twin.ensemble.estimate.follower import Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
 from cable_twin.ensemble.estimate.line_follower import LineFollower
+from cable_twin.ensemble.estimate.linear_range import slopes
 from cable_twin.ensemble.estimate.quantities import (
     BOARDING,
     Errors,
@@ -172,7 +173,7 @@ def test_where_there_is_no_rest_the_twin_stays_as_it_was(measured, monkeypatch):
     follower.close()
 
 
-def test_roll_is_read_with_one_rope_and_with_several():
+def test_roll_is_read_and_haul_ropes_wave_with_one_rope_and_with_several():
     for name in ("windy_tramway", "jig_back"):
         bare = load_scenario(name)
         rest = Simulation(bare).snapshot
@@ -181,6 +182,17 @@ def test_roll_is_read_with_one_rope_and_with_several():
         sensors = [scenario.sensors[one] for one in found]
         assert {one.axis for one in sensors if one.kind == "inclinometer"} == {"pitch", "roll"}
         assert "wind/y" in [one.name for one in slow_quantities(scenario)]
+        assert {one.waving for one in found.values() if one.unit == "N"} == {name == "jig_back"}
+        assert not any(one.waving for one in found.values() if one.unit != "N")
+
+
+def test_waves_of_members_are_no_slopes_of_forces_that_feel_a_haul_rope():
+    points, waves = np.array([[0.0], [1.0], [-1.0]]), np.sin(np.pi * np.arange(1, 9) / 4.0)
+    predicted = np.repeat(5.0 + 3.0 * waves[:, None] * points[:, 0], 2, axis=0)
+    sensors = ["force", ""] * 8
+    found = slopes(points, predicted, sensors)[:, 0]
+    assert found[::2] == pytest.approx(np.zeros(8), abs=1e-12)
+    assert found[1::2] == pytest.approx(3.0 * waves)
 
 
 @pytest.mark.parametrize("named", [False, True], ids=["cable", "ropes"])

@@ -546,7 +546,8 @@ class Follower:
         count = len(self.slow) + len(self._fast)
         predicted = np.array([row.predicted[: self._first + len(self._fast)] for row in rows])
         jacobian = np.zeros((len(rows), self._belief.mean.size))
-        jacobian[:, :count] = slopes(self._points, predicted)
+        waving = [row.sensor if self.readings[row.sensor].waving else "" for row in rows]
+        jacobian[:, :count] = slopes(self._points, predicted, waving)
         if self._at_tower:
             jacobian[:, : len(self.slow)] = 0.0
         columns = [count + self._rows_of[row.sensor] for row in rows]

@@ -66,15 +66,23 @@ def _moved(slow: Sequence[Slow], middle: FloatArray, before: Belief, after: Beli
     return np.abs(found - middle), np.sqrt(np.diag(before.covariance)[: len(slow)])
 
 
-def slopes(points: FloatArray, predicted: FloatArray) -> FloatArray:
+def slopes(points: FloatArray, predicted: FloatArray, waving: Sequence[str] = ()) -> FloatArray:
     """Jacobian (m, n) of predicted measurements by slow quantities and swings, as differences between members.
+
+    Ropes wave otherwise in each member, as rolling friction excites them when carriages begin to roll. Waves of the
+    plant have other phases: taken for slopes, those of members would tell much of a quantity on which a force hardly
+    depends. Of sensors that feel waves of a haul rope the mean slopes count.
 
     Args:
         points: (1 + 2 quantities, quantities) of the middle member and of two for each slow quantity.
         predicted: (m, members) measurements of these members, and of one for each swing of a size of `SIZE`.
+        waving: (m,) sensor of each measurement that feels waves of a haul rope, empty for others.
     """
     number, first = np.arange(points.shape[1]), len(points)
     apart = points[1 + 2 * number, number] - points[2 + 2 * number, number]
     slow = (predicted[:, 1:first:2] - predicted[:, 2:first:2]) / apart
     fast = (predicted[:, first:] - predicted[:, :1]) / SIZE
+    sensors = np.array(waving)
+    for sensor in {*waving} - {""}:
+        slow[sensors == sensor] = slow[sensors == sensor].mean(axis=0)
     return np.hstack([slow, fast])

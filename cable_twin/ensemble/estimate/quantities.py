@@ -114,6 +114,7 @@ class Reading(NamedTuple):
     fast: Errors  # of the model
     error: float  # slow error of the model
     offset: float = 0.0  # of an encoder: its reading where that of the twin is 0
+    waving: bool = False  # whether it feels waves of a haul rope, as forces do with several ropes
 
     def of(self, numbers: FloatArray) -> FloatArray:
         """Values (members,) that the sensor would read without errors, from frame rows (members, n)."""
@@ -246,9 +247,8 @@ def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> 
             force, waves = (WHEEL_FORCE_ERROR, FAST_WHEEL_FORCE) if driven else (FORCE_ERROR, FAST_FORCE)
             error = PLACE_ERROR if encoder else force * noise
             fast = FAST_PLACE if encoder else waves.scaled(noise)
-            found[name] = Reading(
-                name, "m" if encoder else "N", np.atleast_1d(column).astype(np.intp), noise, fast, error
-            )
+            place, waving = np.atleast_1d(column).astype(np.intp), not (encoder or alone)
+            found[name] = Reading(name, "m" if encoder else "N", place, noise, fast, error, waving=waving)
         elif sensor.kind == "load_cell":
             columns = places.support_force[layout.support_rows[sensor.of]].astype(np.intp)
             load, tower = scale[sensor.of], sensor.of not in layout.end_samples
@@ -256,7 +256,7 @@ def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> 
             fast, error = (fast, error) if alone else (fast.scaled(OF_ROPES), OF_ROPES * error)
             if sensor.of in hauled:
                 fast, error = (FAST_ROLLER, error) if tower else (FAST_STRAND, STRAND_ERROR)
-            found[name] = Reading(name, "N", columns, noise, fast.scaled(load), error * load)
+            found[name] = Reading(name, "N", columns, noise, fast.scaled(load), error * load, waving=not alone)
         elif sensor.kind == "inclinometer":
             column = places.body_angles[layout.bodies.index(body_of(sensor, layout)), ANGLES[sensor.axis]]
             place = np.atleast_1d(column).astype(np.intp)
