@@ -61,8 +61,8 @@ drive [-h] [--node NODE] [--wait S] ... and one of
        drive NAME (--payload KG | --to PLACE [--at-most M/S])
        drive (--wind M/S [M/S ...] | --temperature DEGC)
        drive (--emergency-stop | --release | --reset | --pause | --resume)
-       drive (--step N | --snapshot | --load SCENARIO | --readmit SENSOR | --list)
-       drive --show {state,figures,outlook,estimate}"""
+       drive (--step N | --snapshot | --load SCENARIO | --readmit SENSOR)
+       drive (--list | --show {state,figures,outlook,estimate})"""
 
 
 def parser() -> OneLineParser:
