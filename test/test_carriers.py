@@ -5,7 +5,7 @@ import pytest
 from strands import one_strand
 from test_scenario_faults import faults_of
 
-from cable_twin.mechanics.drives.stations import RAIL, loop_coordinate
+from cable_twin.mechanics.drives.stations import LEAVING, loop_coordinate
 from cable_twin.offline.simulate import main
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -184,11 +184,11 @@ def test_a_chair_on_the_rail_of_a_station_stays_off_while_the_lift_stands(backwa
         return abs(simulation.state.rope.position[0] - begun)
 
     to_end = ahead()
-    gone = np.min(to_end[to_end > 40.0]) - stop_at(1.0) - 0.5 * RAIL * last
+    gone = np.min(to_end[to_end > 40.0]) - stop_at(1.0) - 0.5 * LEAVING * last
     stop_at(round(gone / 2.5, 2))
-    [chair] = np.flatnonzero(np.abs(ahead() - 0.5 * RAIL * last) < 0.5 * RAIL * last)
+    [chair] = np.flatnonzero(np.abs(ahead() - 0.5 * LEAVING * last) < 0.5 * LEAVING * last)
     assert not simulation.state.attached[chair]
     simulation.command("haul_rope", speed=-0.05 * sense)
     simulation.advance_to(simulation.time + 15.0)
-    assert ahead()[chair] > RAIL * last
+    assert ahead()[chair] > LEAVING * last
     assert simulation.state.attached[chair]

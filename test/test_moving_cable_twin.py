@@ -11,7 +11,7 @@ from test_simulation import same
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
-from cable_twin.mechanics.drives.stations import RAIL
+from cable_twin.mechanics.drives.stations import LEAVING
 from cable_twin.messages import MessageEncoder, decode
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
@@ -301,7 +301,7 @@ def test_a_day_in_eleven_minutes():
     plan = {0.0: 2.5, 150.0: 0.0, 170.0: 2.5, 300.0: -2.5, 480.0: 1.0, 560.0: 2.5}
     plan |= {610.0 + 5.0 * k: float(random.uniform(-2.5, 2.5)) for k in range(10)}
     loops = np.array([vehicle.arc_length for vehicle in scenario.vehicles.values()])
-    rail = RAIL * 838.0 / 80  # m before an end, where a chair is off the rope if that goes there and is not slow
+    rail = LEAVING * 838.0 / 80  # m before an end, where a chair is off the rope if that goes there and is not slow
     seen = set()
     for second in range(661):
         if second in plan:

@@ -200,13 +200,16 @@ def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Panel]) 
     legends = [legend for axes in rows[:, 0] if (legend := axes.get_legend()) is not None]
     taken = sum(legend.get_window_extent().height for legend in legends) / figure.dpi
     figure.set_figheight(height + 0.9 + max(taken - LEGENDS * len(legends), 0.0))
-    rows[-1, 0].set_xlabel(f"simulated time [s], {_values_a_second(runs, panels)} values a second")
+    rows[-1, 0].set_xlabel(f"simulated time [s], {_sampling_rate(runs, panels)} values a second")
     _title(figure, runs, title)
     return figure
 
 
-def _values_a_second(runs: Sequence[PlottedRun], panels: Sequence[Panel]) -> str:
-    """How many values of each line are plotted per second: peaks between them, which key figures have, are not."""
+def _sampling_rate(runs: Sequence[PlottedRun], panels: Sequence[Panel]) -> str:
+    """Sampling rate of the lines of a plot as a text, in values a second, as "10" or "10 to 50"; "0" of single values.
+
+    Peaks between samples are in key figures, and not in the plot.
+    """
     lines = [runs[index].signals.series[name].line()[0] for panel in panels for index, name in panel.lines]
     each = [1.0 / float(np.median(np.diff(np.unique(times)))) for times in lines if np.unique(times).size > 1]
     return " to ".join(dict.fromkeys(f"{one:.3g}" for one in (min(each), max(each)))) if each else "0"

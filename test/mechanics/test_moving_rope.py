@@ -20,7 +20,7 @@ from systems import (
 from test_equations_of_motion import ELASTIC, check_newton_step, setup
 
 from cable_twin.mechanics.drives.moving_rope import move_rope, moving_rope_force
-from cable_twin.mechanics.drives.stations import RAIL, attach_carriers, loop_coordinate
+from cable_twin.mechanics.drives.stations import LEAVING, attach_carriers, loop_coordinate
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.mechanics.language.simd import WIDTH
@@ -282,7 +282,7 @@ def test_carriers_go_round_and_keep_their_spacing(direction):
             assert outcome.halvings == 0
             assert outcome.gap < 1e-9
         loops = np.array([loop_coordinate(system, state, k) for k in range(5)])
-        rail = RAIL * system.cable.element_length[0]
+        rail = LEAVING * system.cable.element_length[0]
         staying = loops <= 2.1 - rail if direction > 0.0 else (rail <= loops) & (loops <= 2.1)
         np.testing.assert_array_equal(state.attached, staying)  # off the rope where a rail takes it
         np.testing.assert_allclose(state.joints.position[state.attached], loops[state.attached], atol=1e-12)

@@ -2,7 +2,7 @@
 
 Beyond the mesh a vehicle is in the station that is nearer along its loop, and takes no part in the motion. Its force on
 the rope sets in or ends between two steps, so the next step uses no accelerations of the last one. A vehicle that comes
-to an end of the mesh leaves the rope a share `RAIL` of the last element before the end, as onto a station rail: nearer
+to an end of the mesh leaves the rope a share `LEAVING` of the last element before the end, on rails too: nearer
 to the end the rope cannot bend under a load as it should, and would throw it up with several times its weight.
 """
 
@@ -27,7 +27,7 @@ from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
 from cable_twin.mechanics.rope.following_nodes import give_back
 from cable_twin.mechanics.rope.point import position_on_cable, slope, value
 
-RAIL = 0.07  # of the element at an end: so far before the end a vehicle leaves the rope
+LEAVING = 0.07  # of the element at an end: so far before the end a vehicle leaves the rope
 SLOW = 0.1  # m/s: a rope that is slower may rock, and takes a vehicle off at the end itself
 STEPS_AT_END = 2.0  # from an end of the mesh, within which a vehicle has come from the station
 
@@ -48,37 +48,37 @@ def loop_coordinate_after(system, state, carriage, way):
 
 
 @inlined_kernel
-def rail_at(system, end):
-    """Length (m) of the station rail along the start (0) or the end (1) of the mesh of a moving rope."""
+def leaving_at(system, end):
+    """Length (m) beside the start (0) or the end (1) of a moving rope's mesh on which no vehicle is on the rope."""
     homes, last = system.cable.node_arc_length, system.cable.node_arc_length.size - 1
     between = 0.5 * max(system.moving_cable.loop_length - homes[last], 0.0)  # stations: a loop may have none
     first = 0 if end == 0 else last - 1
-    return min(RAIL * (homes[first + 1] - homes[first]), between)
+    return min(LEAVING * (homes[first + 1] - homes[first]), between)
 
 
 @inlined_kernel
 def leaves(system, state, carriage, place):
-    """Return whether a vehicle at an arc length (m) enters a station: its rail, or off the mesh in the next step."""
+    """Return whether a vehicle at an arc length (m) enters a station: near its end, or off the mesh after a step."""
     length, speed = system.cable.unstrained_length, state.rope.velocity[0]
-    if speed > SLOW and place > length - rail_at(system, 1):
+    if speed > SLOW and place > length - leaving_at(system, 1):
         return True
-    if speed < -SLOW and place < rail_at(system, 0):
+    if speed < -SLOW and place < leaving_at(system, 0):
         return True
     return loop_coordinate_after(system, state, carriage, system.solver.step * speed) > length
 
 
 @inlined_kernel
 def stays_off(system, state, place):
-    """Return whether a detached vehicle at an arc length (m) of the mesh stays on a station rail for now.
+    """Return whether a detached vehicle at an arc length (m) of the mesh stays in the station for now.
 
     For example where the rope has stopped with the vehicle there. On a rope that slowly moves inwards, a vehicle that
-    comes from the station is within `STEPS_AT_END` steps of the end, and does not stay on the rail.
+    comes from the station is within `STEPS_AT_END` steps of the end, and does not stay there.
     """
     before_end, speed = system.cable.unstrained_length - place, state.rope.velocity[0]
     near = STEPS_AT_END * system.solver.step * abs(speed)
-    if place < rail_at(system, 0):
+    if place < leaving_at(system, 0):
         return not (speed > SLOW or (speed > 0.0 and place < near))
-    if before_end < rail_at(system, 1):
+    if before_end < leaving_at(system, 1):
         return not (speed < -SLOW or (speed < 0.0 and before_end < near))
     return False
 

@@ -45,7 +45,8 @@ def contact_force(system, state, carriage):
 def impedance_at_pivot(system, state, carriage, work):
     """Contact force of the cable alone on a vehicle, and its impedance at the joint with haul rope and buffers.
 
-    Of a vehicle on station rails, the part of the impedance that the rails leave to the cable.
+    Of a vehicle on station rails, the part of force and its impedance that the rails leave to the cable; moments of its
+    hinge are on the cable as a whole.
     """
     first, like, still = system.carriages.body_offset[carriage], system.cable.gravity, no_turn(system.cable.gravity)
     force = contact_force(system, state, carriage)
