@@ -12,12 +12,8 @@ from cable_twin.mechanics.on_rope.counterweight import counterweight_energies
 from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.sliding_joint import spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy
-from cable_twin.mechanics.rope.ale import nodal_vectors, rest_stretch
-from cable_twin.mechanics.rope.elastic_models import elastic_energy
 from cable_twin.mechanics.rope.flow import flow_energy
-from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
-from cable_twin.mechanics.rope.point import coordinate
-from cable_twin.mechanics.rope.shape_functions import MASS
+from cable_twin.mechanics.rope.rope_energies import rope_energies
 
 
 @kernel
@@ -27,24 +23,10 @@ def energies(system, state):
     Gravitational energy is zero at the origin; that of a counterweight, the potential of its force, at travel 0.
     """
     cable, carriages = system.cable, system.carriages
-    like, mass_per_length = cable.gravity, cable.mass_per_length * rest_stretch(cable, state)
-    kinetic, elastic = haul_energies(system, state)
-    gravitational = 0.0
-    for element in range(cable.element_count):
-        elastic += elastic_energy(cable, state, element)
-        length = state.mesh.length[element]
-        rates = nodal_vectors(state.nodes.velocity, element, like)
-        if beside_load(cable, state, element):
-            rates = motion_at_rest(cable, state, element, state.nodes.acceleration, state.joints.acceleration)[1]
-        for i in range(4):
-            scale_i = length if i % 2 else 1.0
-            for j in range(4):
-                scale_j = length if j % 2 else 1.0
-                share = mass_per_length * length * MASS[i][j] * scale_i * scale_j
-                kinetic += 0.5 * share * dot(rates[i], rates[j])
-            # the position shape functions sum to one, so a row of M applied to g is the weight
-            row = mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
-            gravitational -= row * dot(like, coordinate(state.nodes.position, element, i, like))
+    like = cable.gravity
+    kinetic, elastic, gravitational = rope_energies(cable, state, 0, cable.element_count)
+    of_hauls = haul_energies(system, state)
+    kinetic, elastic = kinetic + of_hauls[0], elastic + of_hauls[1]
     if system.moving_cable.moving:
         kinetic += flow_energy(cable, state)
     for carriage in range(carriages.fixed.size):
