@@ -237,7 +237,9 @@ def merge(system, state, node, way, lengths, near, far):
 
 @inlined_kernel
 def energy_beside(system, state, first, last):
-    """Energy (J) of the elements from `first` to `last`."""
+    """Energy (J) of the elements from `first` to `last` of a rope that stands; 0 of one that is driven along itself."""
+    if system.moving_cable.moving:
+        return 0.0
     kinetic, elastic, gravitational = rope_energies(system.cable, state, first, last + 1)
     return kinetic + elastic + gravitational
 
@@ -248,7 +250,10 @@ def take_out(system, state, node, way, gained):
 
     Of all motions with the other coordinates and rates, that of least kinetic energy is approached until the gain is
     gone: by the slope of the merged element at the load, ahead of it, and where that is not enough by the other slope.
+    A load that is clamped to another rope keeps its rates, as that rope would shake it.
     """
+    if state.clamp_holds[state.node_load[node]] or not gained > 0.0:
+        return
     nodes, lateral = state.nodes, lateral_axis(system.carriages, state, state.node_load[node], system.cable.gravity)
     for side in range(2):
         after = (way > 0) == (side == 0)
@@ -256,10 +261,10 @@ def take_out(system, state, node, way, gained):
         momentum, inertia = momentum_of_slope(system.cable, state, element, vector)
         momentum = add_scaled(-dot(lateral, momentum), lateral, momentum)
         most = 0.5 * dot(momentum, momentum) / inertia
-        if gained > 0.0 and most > 0.0:
+        if most > 0.0:
             share = 1.0 - sqrt(max(1.0 - gained / most, 0.0))
             accumulate(scale(-share / inertia, momentum), nodes.velocity[node, row])
-            gained -= most
+            gained = max(gained - most, 0.0)
 
 
 @kernel
@@ -333,7 +338,6 @@ def take_node(system, state, number, node, s, follow):
     """
     home, like = state.mesh.arc_length[node], system.cable.gravity
     element, way = (node - 1, 1) if s < home else (node, -1)
-    before = energy_beside(system, state, node - 1, node)
     field = field_at(system, state, element, s)
     cut, far = at_rest(system, state, element), at_rest(system, state, element + way)
     near = Rest(
@@ -349,7 +353,6 @@ def take_node(system, state, number, node, s, follow):
     put_node(state, node, s)
     state.joint_element[number] = node - 1 if follow or state.joints.position[number] < s else node
     merge(system, state, node, way, lengths, near, far)
-    take_out(system, state, node, way, energy_beside(system, state, node - 1, node) - before)
 
 
 @inlined_kernel
