@@ -20,13 +20,7 @@ from cable_twin.mechanics.on_rope.presence import vehicles_of
 from cable_twin.mechanics.on_rope.rails import force_of_ropes
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
 from cable_twin.mechanics.parameters import DRUM, JOINT, SPEED, IntArray, System
-from cable_twin.mechanics.rope.patch import at_node
-
-
-@inlined_kernel
-def is_driven(state, carriage):
-    """Return whether a vehicle's drive prescribes the joint itself: speed mode, and not by a haul drum."""
-    return state.axis[carriage] == JOINT and state.drives.mode[carriage] == SPEED
+from cable_twin.mechanics.rope.patch import at_node, is_driven
 
 
 @inlined_kernel

@@ -23,6 +23,7 @@ from cable_twin.mechanics.language.vectors import (
 )
 from cable_twin.mechanics.on_rope.buffer import couple_neighbours, stop_force
 from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
+from cable_twin.mechanics.on_rope.hand_over import hand_over
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, is_hinged
 from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.tangent_hinge import (
@@ -36,7 +37,6 @@ from cable_twin.mechanics.on_rope.vehicle_impedance import impedance_at_pivot
 from cable_twin.mechanics.rope.following_nodes import (
     give_back,
     put_node,
-    shift_train,
     stand_still,
     take_node,
 )
@@ -308,7 +308,7 @@ def pass_on(system, state, front, way):
         beyond += gone / element - hold_of(system, state, node, way, element)
         free = gone > room and way * (homes[node] - places[node - way]) > room
         if free and beyond > 0.0:
-            shift_train(system, state, min(node, front), max(node, front), way)
+            hand_over(system, state, min(node, front), max(node, front), way)
             return
         node -= way
 

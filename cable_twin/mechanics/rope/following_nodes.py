@@ -6,7 +6,6 @@ from its home leaves one cubic between its neighbours, to which the rope there i
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
@@ -15,7 +14,6 @@ from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, load, scale, store, subtract, transpose
 from cable_twin.mechanics.rope.patch import bends, motion_at_rest
 from cable_twin.mechanics.rope.point import AFTER, BEFORE, R, interpolate, point_on
-from cable_twin.mechanics.rope.rope_energies import momentum_of_slope, rope_energies
 from cable_twin.mechanics.rope.shape_functions import AXIAL_PLACES, AXIAL_POINTS, AXIAL_WEIGHT, shape_functions
 
 
@@ -235,38 +233,6 @@ def merge(system, state, node, way, lengths, near, far):
     write_slope(add_scaled(speed, bend, turning), lateral, nodes.velocity[node], row)
 
 
-@inlined_kernel
-def energy_beside(system, state, first, last):
-    """Energy (J) of the elements from `first` to `last` of a rope that stands; 0 of one that is driven along itself."""
-    if system.moving_cable.moving:
-        return 0.0
-    kinetic, elastic, gravitational = rope_energies(system.cable, state, first, last + 1)
-    return kinetic + elastic + gravitational
-
-
-@kernel
-def take_out(system, state, node, way, gained):
-    """Take energy (J) that the rope has gained by a merged element out of the motion beside that element's load.
-
-    Of all motions with the other coordinates and rates, that of least kinetic energy is approached until the gain is
-    gone: by the slope of the merged element at the load, ahead of it, and where that is not enough by the other slope.
-    A load that is clamped to another rope keeps its rates, as that rope would shake it.
-    """
-    if state.clamp_holds[state.node_load[node]] or not gained > 0.0:
-        return
-    nodes, lateral = state.nodes, lateral_axis(system.carriages, state, state.node_load[node], system.cable.gravity)
-    for side in range(2):
-        after = (way > 0) == (side == 0)
-        element, vector, row = (node, 1, AFTER) if after else (node - 1, 3, BEFORE)
-        momentum, inertia = momentum_of_slope(system.cable, state, element, vector)
-        momentum = add_scaled(-dot(lateral, momentum), lateral, momentum)
-        most = 0.5 * dot(momentum, momentum) / inertia
-        if most > 0.0:
-            share = 1.0 - sqrt(max(1.0 - gained / most, 0.0))
-            accumulate(scale(-share / inertia, momentum), nodes.velocity[node, row])
-            gained = max(gained - most, 0.0)
-
-
 @kernel
 def shift_train(system, state, first, last, way):
     """Hand the loads at nodes `first` to `last` on to the next nodes, `way` 1 or -1; one node returns to its home.
@@ -275,7 +241,6 @@ def shift_train(system, state, first, last, way):
     of two elements, which loses the part of a wave that only two can represent.
     """
     behind, front = (first, last) if way > 0 else (last, first)
-    before = energy_beside(system, state, min(first, first + way) - 1, max(last, last + way))
     home = system.cable.node_arc_length[behind]
     field = field_at(system, state, behind - 1 if way > 0 else behind, home)
     leave_out(system, state, front, way)
@@ -291,8 +256,6 @@ def shift_train(system, state, first, last, way):
     state.mesh.arc_length[behind] = home
     for node in range(min(first, first + way), max(last, last + way) + 1):
         put_node(state, node, state.mesh.arc_length[node])
-    after = energy_beside(system, state, min(first, first + way) - 1, max(last, last + way))
-    take_out(system, state, front + way, way, after - before)
 
 
 @inlined_kernel

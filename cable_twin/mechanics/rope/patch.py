@@ -30,6 +30,7 @@ from cable_twin.mechanics.language.vectors import (
     scale,
     subtract,
 )
+from cable_twin.mechanics.parameters import JOINT, SPEED
 from cable_twin.mechanics.rope.ale import flow_on_mesh, mesh_dilution_rate, nodal_vectors, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import elastic_force
 from cable_twin.mechanics.rope.element import force_of_element, inertia, rates_of_strain, with_damping
@@ -55,6 +56,12 @@ def follows(state, node):
     """Return whether a node moves along with its load; a node too near an end or another load stands still."""
     number = state.node_load[node]
     return number >= 0 and state.node_follows[number]
+
+
+@inlined_kernel
+def is_driven(state, carriage):
+    """Return whether a vehicle's drive prescribes the joint itself: speed mode, and not by a haul drum."""
+    return state.axis[carriage] == JOINT and state.drives.mode[carriage] == SPEED
 
 
 @inlined_kernel

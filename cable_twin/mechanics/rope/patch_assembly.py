@@ -28,7 +28,6 @@ from cable_twin.mechanics.language.vectors import (
     store,
     subtract,
 )
-from cable_twin.mechanics.parameters import JOINT, SPEED
 from cable_twin.mechanics.rope.ale import mesh_dilution_rate, nodal_vectors, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import elastic_force
 from cable_twin.mechanics.rope.element import inertia, rates_of_strain, with_damping, write_group
@@ -38,6 +37,7 @@ from cable_twin.mechanics.rope.patch import (
     follows,
     forces_along,
     forces_by_motion,
+    is_driven,
     rope_motion,
     rope_past,
     shift_vectors,
@@ -61,7 +61,7 @@ def begin_patches(state, work):
         number = state.node_load[node]
         if number >= 0:
             clear_array(work.patch[number])
-            driven = state.axis[number] == JOINT and state.drives.mode[number] == SPEED
+            driven = is_driven(state, number)
             work.along_held[number] = driven or not state.node_follows[number]
             work.along_increment[number] = work.sliding_increment[number] if driven else 0.0
             if state.node_load[node - 1] < 0:
