@@ -14,17 +14,21 @@ from launch_ros.substitutions import FindPackageShare
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 ARGUMENTS = {  # default, and what it is
     "scenario": ("aerial_tramway", "name of a scenario, or path of its YAML file"),
+    "set": ("", "changed values of the scenario: lines KEY=VALUE with dotted keys, as in wind.x=12"),
     "namespace": ("", "in front of the node's name: /NAMESPACE/cable_twin"),
     "frame_prefix": ("", "in front of the names of its frames, as in 'south/', for several twins in one tree"),
     "record": ("true", "write logs"),
     "record_directory": ("cable_twin_logs", "where each run makes a directory of its own"),
-    "rerun": ("file", "rerun recording: file, live or web"),
+    "rerun": ("file", "rerun recording: none, file, live or web"),
     "real_time_factor": ("1.0", "simulated seconds in a second, 0 for as fast as possible"),
+    "outlook": ("true", "publish outlooks: what happens in an emergency stop, as commanded, and in a gust"),
+    "follow": ("false", "follow the plant that publishes under /plant/, and publish estimates"),
     "start_paused": ("false", "wait for the service ~/pause or ~/step"),
     "publish_clock": ("false", "publish simulated time on /clock"),
     "rviz": ("false", "start RViz with the twin in it"),
 }
-TYPES = {"record": bool, "real_time_factor": float, "start_paused": bool, "publish_clock": bool}  # others are texts
+FLAGS = ("record", "outlook", "follow", "start_paused", "publish_clock")
+TYPES = {**dict.fromkeys(FLAGS, bool), "real_time_factor": float}  # others are texts
 SHOWN = ("markers", "robot_description", "cable_path", "cable")  # what the layout of RViz subscribes to
 
 

@@ -27,7 +27,7 @@ from cable_twin.recording.run import start_run
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import start_shown
-from cable_twin.terminal.command_line import OneLineParser, number, tell, whole_number
+from cable_twin.terminal.command_line import OneLineParser, number, split_ros_arguments, tell, whole_number
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 FRAME_RATE = 50.0  # Hz
@@ -50,6 +50,7 @@ examples:
   plant aerial_tramway --set cable.elements.target=7 --sensors own.yaml \
         --log plants
   plant aerial_tramway      live, with ROS 2; it takes /plant/joint_commands
+  plant aerial_tramway --ros-args -p record:=false      parameters of `sim`
 """
 
 
@@ -89,11 +90,14 @@ def parser() -> OneLineParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a virtual plant, live or into a bag; returns the exit code that the help lists."""
     arguments = parser()
-    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    own, for_ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
+    options = arguments.parse_args(own)
     source = arguments.given_scenario(options) or DEFAULT_SCENARIO
     console = Console(stderr=True)
     if options.log is None and (options.script is not None or options.duration is not None):
         arguments.error("--script, --duration: given without --log; allowed: with --log DIR")
+    if options.log is not None and for_ros:
+        arguments.error("--ros-args: given with --log; allowed: without, for a live plant")
     try:
         with start_shown("plant", console):
             simulation = plant_of(source, dict(options.set), options.sensors, options.seed)
@@ -106,17 +110,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     if fault := unfollowable(simulation.scenario):
         tell("plant", f"note: no twin can follow this plant: {fault}")
     if options.log is None:
-        go_live(source, dict(options.set), simulation.scenario)
+        go_live(source, dict(options.set), simulation.scenario, for_ros[1:])
     return _record(simulation, script, options, console)
 
 
-def go_live(source: str, values: dict[str, Any], scenario: Scenario) -> NoReturn:
+def go_live(source: str, values: dict[str, Any], scenario: Scenario, for_ros: Sequence[str]) -> NoReturn:
     """Replace this process by the command `sim` with the sensors and topics of a virtual plant.
 
     Args:
         source: name or path of the scenario.
         values: changes of the scenario by dotted key.
         scenario: scenario with sensors.
+        for_ros: remappings and parameters of the node, which come before those of a virtual plant.
     """
     sensors = {name: one.model_dump(mode="json", exclude_defaults=True) for name, one in scenario.sensors.items()}
     changes = [f"{key}={json.dumps(value)}" for key, value in {**values, "sensors": sensors}.items()]
@@ -125,7 +130,7 @@ def go_live(source: str, values: dict[str, Any], scenario: Scenario) -> NoReturn
     remapped |= {f"~/{own}": name for own, name in plant_names(scenario).items()}
     rules = [part for own, name in remapped.items() for part in ("-r", f"{own}:={name}")]
     print(f"plant: sensors are under {PLANT}/, the true values under /{NODE}/", flush=True)
-    program = [sys.executable, "-m", "cable_twin.ros.sim", source, *arguments, "--ros-args", *rules]
+    program = [sys.executable, "-m", "cable_twin.ros.sim", source, *arguments, "--ros-args", *for_ros, *rules]
     os.execv(sys.executable, program)
 
 

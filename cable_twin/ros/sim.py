@@ -21,9 +21,8 @@ from cable_twin.ros.startup import (
     prepare_middleware,
     print_hint,
     rcl_fault,
-    split_ros_arguments,
 )
-from cable_twin.terminal.command_line import OneLineParser, faults_reported
+from cable_twin.terminal.command_line import OneLineParser, faults_reported, split_ros_arguments
 
 if TYPE_CHECKING:
     from cable_twin.ros.node import TwinNode

@@ -9,7 +9,6 @@ import stat
 import sys
 import threading
 import time
-from collections.abc import Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -69,16 +68,6 @@ class Ending:
         self._flag.set()
         if self.starting:
             leave_at_once(self._command, 0)
-
-
-def split_ros_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Split arguments into those of the command and those of ROS, from `--ros-args` up to `--` or the end."""
-    arguments = list(argv)
-    if "--ros-args" not in arguments:
-        return arguments, []
-    first = arguments.index("--ros-args")
-    last = arguments.index("--", first) if "--" in arguments[first:] else len(arguments)
-    return arguments[:first] + arguments[last + 1 :], arguments[first:last]
 
 
 def rcl_fault(error: Exception) -> str:

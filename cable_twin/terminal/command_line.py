@@ -36,6 +36,16 @@ DIGITS = 100  # of a whole number, fewer than Python converts
 RETRY = 0.05  # s until Ctrl-C is tried again where it could be no exception
 
 
+def split_ros_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Split arguments into those of the command and those of ROS, from `--ros-args` up to `--` or the end."""
+    arguments = list(argv)
+    if "--ros-args" not in arguments:
+        return arguments, []
+    first = arguments.index("--ros-args")
+    last = arguments.index("--", first) if "--" in arguments[first:] else len(arguments)
+    return arguments[:first] + arguments[last + 1 :], arguments[first:last]
+
+
 def ending_signals() -> tuple[signal.Signals, ...]:
     """Signals that end a command: SIGINT, SIGTERM, and SIGHUP unless ignored by `nohup`."""
     hung_up = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)

@@ -94,6 +94,22 @@ def test_a_stuck_sensor_repeats_its_last_value_and_a_drift_grows(tmp_path):
     assert loads[-1] - loads[0] == pytest.approx(3.0e4, rel=0.2)  # N, in 3 s, while the cabin moves
 
 
+def test_arguments_of_ros_go_to_the_node_before_the_names_of_a_plant(monkeypatch):
+    """So that they win, as the first rule for a name does."""
+    started = []
+    monkeypatch.setattr(plant, "plant_of", lambda *_: SimpleNamespace(scenario=load_scenario("single_span")))
+    monkeypatch.setattr(plant, "_record", lambda *_: 0)
+    monkeypatch.setattr(plant.os, "execv", lambda _, program: started.extend(program))
+    main(["single_span", "--ros-args", "-p", "record:=false", "-r", "__ns:=/b"])
+    first = started.index("--ros-args")
+    assert started[first + 1 : first + 5] == ["-p", "record:=false", "-r", "__ns:=/b"]
+    assert "~/joint_commands:=/plant/joint_commands" in started[first + 5 :]
+
+
+def test_arguments_of_ros_are_for_a_live_plant(tmp_path, refusal):
+    assert "--ros-args: given with --log" in refusal(main, "single_span", "--log", tmp_path, "--ros-args")
+
+
 @pytest.mark.parametrize(("name", "told"), [("pantograph", "pantograph: given no vehicles; "), ("single_span", "")])
 def test_a_plant_that_no_twin_can_follow_is_told(name, told, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(plant, "plant_of", lambda *_: SimpleNamespace(scenario=load_scenario(name)))

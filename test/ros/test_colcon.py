@@ -76,6 +76,7 @@ sys.exit(service.run())
     [
         ("sim", ["scenario:=seed_example", "namespace:=south"], ["/south/cable_twin"]),
         ("two_lifts", ["valley:=seed_example", "summit:=seed_example"], ["/valley/cable_twin", "/summit/cable_twin"]),
+        ("follow", ["scenario:=single_span", "plant_set:=wind.x=3"], ["/cable_twin", "/plant"]),
     ],
 )
 def test_launch_files_start_twins_and_end_them(workspace, domain, tmp_path, file, arguments, nodes):

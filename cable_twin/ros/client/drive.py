@@ -17,8 +17,15 @@ from cable_twin.basics.printable import printable_lines
 from cable_twin.frame.commands import KINDS, Kind
 from cable_twin.ros.client.shown import SHOWN, show
 from cable_twin.ros.client.twin_client import TwinClient, TwinError, list_twins
-from cable_twin.ros.startup import Ending, prepare_middleware, print_hint, rcl_fault, split_ros_arguments
-from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, faults_reported, number, whole_number
+from cable_twin.ros.startup import Ending, prepare_middleware, print_hint, rcl_fault
+from cable_twin.terminal.command_line import (
+    INTERRUPTED,
+    OneLineParser,
+    faults_reported,
+    number,
+    split_ros_arguments,
+    whole_number,
+)
 
 DISCOVERY = 10.0  # s to find the twin, unless --wait is given
 # requests that are no commands: service, its argument, and help

@@ -18,9 +18,16 @@ from cable_twin.ros.startup import (
     prepare_middleware,
     print_hint,
     rcl_fault,
-    split_ros_arguments,
 )
-from cable_twin.terminal.command_line import OneLineParser, faults_reported, print_line, report_fault, tell, typed
+from cable_twin.terminal.command_line import (
+    OneLineParser,
+    faults_reported,
+    print_line,
+    report_fault,
+    split_ros_arguments,
+    tell,
+    typed,
+)
 
 UNUSABLE = 2  # exit code
 EXTRAS = {"asyncua": "opcua", "paho": "mqtt"}
