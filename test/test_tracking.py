@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -339,6 +340,53 @@ def test_a_sensor_that_counts_again_does_so_as_well_where_what_was_known_before_
     doubts.leave_out("a", 9.0, "is stuck")
     doubts.known = doubts.known
     assert sorted(doubts.left_out) == ["a", "b"]
+
+
+SWAPPED = "load_end/load_tower"  # as `contradicting` has a pair
+
+
+def swapped_doubts():
+    """Doubts of a twin that takes two load cells for each other, and the alarm."""
+    readings = dict.fromkeys(SWAPPED.split("/"), SimpleNamespace(unit="N", noise=1.0))
+    doubts = Doubts(readings)
+    alarms = [alarm for time in (2.0, 4.0, 6.0) for alarm in doubts.judge(time, SWAPPED)]
+    assert [one.reason for one in alarms] == [
+        "sensors load_end and load_tower are swapped, and are taken for each other"
+    ]
+    assert doubts.swapped == {"load_end": "load_tower", "load_tower": "load_end"}
+    return doubts
+
+
+def test_sensors_that_are_swapped_back_are_taken_for_themselves_again():
+    """As after their wires were changed: they contradict now as they are taken."""
+    doubts = swapped_doubts()
+    doubts.judge(8.0, "")
+    alarms = [alarm for time in (10.0, 12.0, 14.0) for alarm in doubts.judge(time, SWAPPED)]
+    assert [one.reason for one in alarms] == [
+        "sensors load_end and load_tower are swapped no more, and are taken for themselves again"
+    ]
+    assert not doubts.swapped
+    assert doubts.taken("load_end") == "load_end"
+
+
+@pytest.mark.parametrize("sensor", SWAPPED.split("/"))
+def test_either_of_two_sensors_that_are_taken_for_each_other_makes_both_count_for_themselves(measured, sensor):
+    scenario, found = measured
+    tracker, lines = tracker_of(scenario), list[str]()
+    tracker.follower.doubts = swapped_doubts()
+    known = tracker.follower.doubts.known
+    tracker.readmit(sensor)
+    tracker.readmit(sensor)  # twice is as good as once
+    tracker.follower.doubts.known = known
+    assert not tracker.follower.doubts.swapped
+    tracker.measure(found[:50], 0.5)
+    for news in tracker.advance(0.5):
+        lines += news.lines
+    other = next(one for one in SWAPPED.split("/") if one != sensor)
+    assert [line for line in lines if "as asked for" in line] == [
+        f"sensors {sensor} and {other} count for themselves, as asked for"
+    ]
+    tracker.follower.close()
 
 
 def test_a_twin_that_is_too_far_behind_begins_anew_at_the_present(measured, monkeypatch):

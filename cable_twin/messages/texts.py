@@ -35,6 +35,16 @@ def scenario_from_message(data: bytes) -> dict[str, Any]:
     return scenario
 
 
+def readmitted_message(sensor: str) -> bytes:
+    """Encode the name of a sensor that counts again, as somebody has asked for, in a std_msgs/String."""
+    return serialize(String(sensor))
+
+
+def readmitted_from_message(data: bytes) -> str:
+    """Decode the name of a sensor that counts again; inverse of `readmitted_message`."""
+    return str(decode(data, String.__msgtype__).data)
+
+
 @dataclass(frozen=True, slots=True)
 class Status:
     """Status in a diagnostics message: level, name, text and values."""

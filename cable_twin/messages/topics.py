@@ -48,6 +48,7 @@ REFUSED_COMMANDS = "refused_commands"
 KEY_FIGURES = "key_figures"
 OUTLOOK = "outlook"
 ESTIMATE = "estimate"
+READMITTED = "readmitted"
 DERAILMENTS = "derailments"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
@@ -92,7 +93,7 @@ def topics(
         markers: With `markers`, only where visualization_msgs exists.
         robot: With `robot_description`.
         outlook: With `outlook`, which the node has by default.
-        estimate: With `estimate`, of a node that follows a plant.
+        estimate: With `estimate` and `readmitted`, of a node that follows a plant.
 
     Returns:
         Every topic, in a fixed order.
@@ -124,6 +125,7 @@ def topics(
         table.append(Topic(OUTLOOK, DiagnosticArray.__msgtype__))
     if estimate:
         table.append(Topic(ESTIMATE, DiagnosticArray.__msgtype__))
+        table.append(Topic(READMITTED, String.__msgtype__))
     table.append(Topic(DIAGNOSTICS, DiagnosticArray.__msgtype__))
     if clock:
         table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1, group="clock"))

@@ -19,10 +19,17 @@ from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of, unf
 from cable_twin.ensemble.estimate.quantities import Estimate
 from cable_twin.ensemble.estimate.tracker import LISTENING, WAITING, Tracker
 from cable_twin.frame.records import AppliedCommand, CommandError
+from cable_twin.frame.sensors import Measurement
 from cable_twin.messages import ESTIMATE, SCENARIO, Topic, nanoseconds, scenario_message
 from cable_twin.messages.figure_messages import estimate_message
 from cable_twin.messages.topics import DiagnosticArray, String
-from cable_twin.offline.following.plant_log import Item, PlantLog, at_rest_with_sensors, read_plant_log
+from cable_twin.offline.following.plant_log import (
+    Item,
+    PlantLog,
+    Readmission,
+    at_rest_with_sensors,
+    read_plant_log,
+)
 from cable_twin.offline.following.truth import Truth, true_values
 from cable_twin.offline.simulate import run_progress
 from cable_twin.offline.simulate_options import UNUSABLE, add_changes, plots_fault
@@ -205,9 +212,11 @@ def _as_live(plant: PlantLog, tracker: Tracker, end: float) -> Iterator[Progress
     for time, items in plant.arrivals():
         if time > end:
             break
-        tracker.measure([item for item in items if not isinstance(item, AppliedCommand)], time)
+        tracker.measure([item for item in items if isinstance(item, Measurement)], time)
         for item in items:
-            if isinstance(item, AppliedCommand) and item.command.kind == "speed":
+            if isinstance(item, Readmission):
+                tracker.readmit(item.sensor)
+            elif isinstance(item, AppliedCommand) and item.command.kind == "speed":
                 tracker.command(item.command.values, time)
         for news in tracker.advance(time):
             lines = [f"{news.time:.1f} s: {line}" for line in news.lines]

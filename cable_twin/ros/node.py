@@ -24,6 +24,7 @@ from cable_twin.frame.commands import JOINT_COMMANDS, KINDS
 from cable_twin.frame.records import AppliedCommand, PlantEstimates, RefusedCommand
 from cable_twin.key_figures import compile_figures
 from cable_twin.messages import (
+    READMITTED,
     REFUSED_COMMANDS,
     SCENARIO,
     FrameNames,
@@ -33,6 +34,7 @@ from cable_twin.messages import (
 )
 from cable_twin.messages.figure_messages import estimates_of_message
 from cable_twin.messages.sensor_messages import sensor_topics
+from cable_twin.messages.texts import readmitted_message
 from cable_twin.recording.run import start_run
 from cable_twin.ros.command_subscriber import CommandLimits, CommandSubscriber
 from cable_twin.ros.diagnostics import Diagnostics, StatusLine, live_hint
@@ -271,10 +273,14 @@ class TwinNode(Node):
         self._parameter_service = LiveParameterService(self, self._loop, self.loading, reader, self._readmit)
 
     def _readmit(self, sensor: str) -> str:
-        """Let a sensor of the plant that is left out count again; returns why that cannot be, empty otherwise."""
+        """Let a sensor of the plant that is left out or swapped count again; returns why it cannot, empty otherwise."""
         if (following := self._diagnostics.following) is None:
             return f"readmit: given '{printable(sensor)}'; allowed: none, as this twin follows no plant"
-        return following.readmit(sensor)
+        message = readmitted_message(sensor)
+        fault = following.readmit(sensor, message)
+        if not fault:
+            self._output.send([(READMITTED, message)], self._stamp_ns())
+        return fault
 
     @property
     def failed(self) -> bool:

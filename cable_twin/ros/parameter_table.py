@@ -209,8 +209,8 @@ PARAMETERS = (
     Parameter(
         "readmit",
         "",
-        "set while the twin follows a plant: name of a sensor that is left out, which counts again from then on; it is "
-        "empty again at once",
+        "set while the twin follows a plant: name of a sensor that is left out or taken for another, which counts "
+        "again from then on; it is empty again at once",
     ),
     Parameter("allow_second", False, "start even if a twin of the same name already runs in this ROS domain"),
     Parameter("start_paused", False, "start paused, until the service ~/pause or ~/step is called"),

@@ -13,12 +13,13 @@ from typing import IO, Any
 
 from cable_twin.basics.printable import printable
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, LISTENING, WAITING, News, Tracker
-from cable_twin.messages import SECOND, nanoseconds
+from cable_twin.messages import READMITTED, SECOND, nanoseconds
 from cable_twin.messages.command_messages import command_from_message
 from cable_twin.messages.figure_messages import estimate_message
 from cable_twin.messages.sensor_messages import measurements_from_message
+from cable_twin.messages.texts import readmitted_from_message
 from cable_twin.runtime.companion import inbox, send, serve_twin
-from cable_twin.runtime.following import COMMANDS, COMPILING, READMIT, Arrival, Estimated
+from cable_twin.runtime.following import COMMANDS, COMPILING, Arrival, Estimated
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation.first_compilation import Moment, watching_compilation
 
@@ -44,8 +45,8 @@ class Decoder:
             self.epoch_ns = one.arrival_ns
         arrival = (one.arrival_ns - self.epoch_ns) / SECOND
         try:
-            if one.topic == READMIT:
-                self._tracker.readmit(one.data.decode())
+            if one.topic == READMITTED:
+                self._tracker.readmit(readmitted_from_message(one.data))
             elif one.topic == COMMANDS:
                 command = command_from_message("joint_commands", one.data)
                 if getattr(command, "kind", "") == "speed" and self._tracker.arrivals.started:
@@ -70,7 +71,7 @@ def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimate
     left_out = {name: one.reason for name, one in tracker.follower.left_out.items()}
     counts = dict(tracker.arrivals.left_out)
     told = tuple(warnings), tracker.state, left_out, counts, tracker.behind, tuple(of_payloads), news.notes
-    yield Estimated(news.time, message, *told)
+    yield Estimated(news.time, message, *told, swapped=dict(tracker.follower.doubts.swapped))
 
 
 @contextmanager

@@ -20,12 +20,13 @@ from cable_twin.ensemble.estimate.detectors.emergency_stops import EmergencyStop
 from cable_twin.ensemble.estimate.followers import unfollowable
 from cable_twin.ensemble.estimate.pursuit import pursuit_of
 from cable_twin.ensemble.estimate.tracker import ALONE, BEHIND, FOLLOWING, SILENT
+from cable_twin.messages import READMITTED
 from cable_twin.runtime.companion import AGAIN, GLANCE, Companion, receive, send
 from cable_twin.scenario import Scenario
 
 COMMANDS = "joint_commands"  # topic of what a plant is commanded, below its namespace
-READMIT = "readmit"  # instead of a topic: the name of a sensor that is to count again
 STARTING, COMPILING = "starts", "compiles its kernels"  # nothing is estimated yet
+NONE_OUT = "none, as no sensor is left out"
 SETTLED = 5.0  # s between two answers of a process that follows, at most: more is time by which it is behind
 MOST_LINES = 20  # of alarms in the diagnostics, the newest ones, those about payloads the first to go
 MOST_WAITING = 20_000  # messages of a plant that may wait for the process
@@ -34,7 +35,7 @@ MOST_WAITING = 20_000  # messages of a plant that may wait for the process
 class Arrival(NamedTuple):
     """Message of a plant as it arrived: topic, bytes, and time of arrival."""
 
-    topic: str  # as `sensor_topic` has it, `COMMANDS`, or `READMIT`
+    topic: str  # as `sensor_topic` has it, `COMMANDS`, or `READMITTED`
     data: bytes  # CDR
     arrival_ns: int  # by the clock of this machine
 
@@ -51,6 +52,7 @@ class Estimated(NamedTuple):
     behind: float = 0.0  # s behind the plant
     of_payloads: tuple[str, ...] = ()  # alarms about payloads
     notes: tuple[str, ...] = ()  # lines about what is normal
+    swapped: Mapping[str, str] = {}  # other sensor, for which one is taken
 
 
 class LiveFollowing(Companion):
@@ -96,15 +98,13 @@ class LiveFollowing(Companion):
         if self._waiting.qsize() < MOST_WAITING:
             self._waiting.put(Arrival(topic, data, time.time_ns()))
 
-    def readmit(self, sensor: str) -> str:
-        """Let a sensor that is left out count again; returns why that cannot be, empty otherwise."""
-        left_out = self._last.left_out
-        if sensor not in left_out:
-            allowed = (
-                f"a sensor that is left out: {', '.join(left_out)}" if left_out else "none, as no sensor is left out"
-            )
+    def readmit(self, sensor: str, message: bytes) -> str:
+        """Let a sensor count again that is left out or swapped, by a message; returns why it cannot, or nothing."""
+        doubted = (*self._last.left_out, *self._last.swapped)
+        if sensor not in doubted:
+            allowed = f"a sensor that is left out or swapped: {', '.join(doubted)}" if doubted else NONE_OUT
             return f"readmit: given '{printable(sensor)}'; allowed: {allowed}"
-        self._waiting.put(Arrival(READMIT, sensor.encode(), time.time_ns()))
+        self._waiting.put(Arrival(READMITTED, message, time.time_ns()))
         return ""
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
@@ -116,14 +116,16 @@ class LiveFollowing(Companion):
             last = last._replace(behind=last.behind + max(time.monotonic() - self._answered - SETTLED, 0.0))
         values = {"state": last.state, "time_s": f"{last.time:.3f}", "behind_s": f"{last.behind:.1f}"}
         values |= {f"left_out_{name}": reason for name, reason in last.left_out.items()}
+        values |= {f"taken_for_{name}": other for name, other in last.swapped.items()}
         values |= {f"left_out: {reason}": str(count) for reason, count in last.counts.items()}
         values |= {f"alarm_{row + 1}": line for row, line in enumerate(self._alarms.lines)}
         text = last.state + (f"; {last.behind:.0f} s behind the plant" if last.behind > BEHIND else "")
         text += f"; left out: {', '.join(last.left_out)}" if last.left_out else ""
+        text += f"; taken for each other: {', '.join(last.swapped)}" if last.swapped else ""
         if self.shut:
             text += f"; several plants publish on {', '.join(sorted(self.shut))}, which is left out"
         well = last.state == FOLLOWING and last.behind <= BEHIND
-        return well and not last.left_out and not self.shut, text, values
+        return well and not (last.left_out or last.swapped or self.shut), text, values
 
     def shut_out(self, topics: Sequence[str]) -> None:
         """Leave out the messages of topics on which several plants publish, and log changes in a line each way."""

@@ -11,6 +11,7 @@ from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import standard_sensors
 from cable_twin.messages import SECOND, FrameNames, JointState, header, nanoseconds, serialize
 from cable_twin.messages.sensor_messages import SensorOutput, plant_name, sensor_topic
+from cable_twin.messages.texts import readmitted_message
 from cable_twin.offline import calibrate, follow, plant
 from cable_twin.offline.calibration.data import CalibrationError, package
 from cable_twin.offline.following.plant_log import PlantLog, read_plant_log
@@ -67,6 +68,34 @@ def test_measurements_and_commands_of_a_real_plant_are_read(scenario, bag):
     assert {one.sensor for one in measured} == {*scenario.sensors}
     assert all(0.0 <= one.time <= DURATION for one in measured)
     assert len(measured) > 0.8 * len(scenario.sensors) * 10.0 * DURATION
+
+
+def test_sensors_that_counted_again_do_so_as_well_where_the_log_is_followed(scenario, bag, tmp_path):
+    with bag.open("rb") as stream:
+        messages = [(channel.topic, one.log_time, one.data) for _, channel, one in make_reader(stream).iter_messages()]
+    again = ("/cable_twin/readmitted", BEGAN + 2 * SECOND, readmitted_message("load_end"))
+    write(tmp_path / "twin_0.mcap", sorted([*messages, again], key=lambda one: one[1]))
+    taken = list[tuple[float, str]]()
+
+    class Told:
+        """Tracker that notes what it is told."""
+
+        def measure(self, _, arrival):
+            self.now = arrival
+
+        def command(self, _, arrival):
+            pass
+
+        def readmit(self, sensor):
+            taken.append((self.now, sensor))
+
+        def advance(self, _):
+            return ()
+
+    recorded = PlantLog(read_plant_log(tmp_path, NAME), scenario.sensors)
+    assert not [*follow._as_live(recorded, Told(), DURATION)]
+    assert taken == [(2.0, "load_end")]
+    assert [*recorded.items()] == [*PlantLog(read_plant_log(bag.parent, NAME), scenario.sensors).items()]
 
 
 def test_without_a_scenario_such_a_bag_is_refused_with_the_way_out(bag):

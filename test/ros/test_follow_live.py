@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState
 from twin_process import COMPILING, TwinProcess, allocate_domain, environment, release_domain, run_module
 
 from cable_twin.messages.sensor_messages import plant_names
+from cable_twin.messages.texts import readmitted_from_message
 from cable_twin.offline.plant import plant_of
 from cable_twin.recording.log_reader import read_log
 
@@ -169,3 +170,7 @@ def test_a_twin_goes_on_where_the_encoder_of_its_lift_sticks(tmp_path, domain, s
         assert result.reason == said
         participant.until(lambda: following(participant) == "follows", COMPILING, "an encoder that counts again")
     participant.close()
+    twin = started[-1]
+    assert twin.end() == 0, twin.output
+    recorded = [readmitted_from_message(data) for _, _, data in read_log(twin.run_directory).messages(["readmitted"])]
+    assert recorded == ["encoder_haul_rope"]

@@ -15,9 +15,11 @@ from twin_process import wait_until
 from cable_twin.ensemble.estimate.tracker import WAITING
 from cable_twin.frame.records import TensionAhead
 from cable_twin.frame.sensors import standard_sensors
+from cable_twin.messages import READMITTED
+from cable_twin.messages.texts import readmitted_message
 from cable_twin.runtime.companion import receive
-from cable_twin.runtime.follow_process import compilation_told
-from cable_twin.runtime.following import COMPILING, FOLLOWING, MOST_LINES, STARTING, Estimated, LiveFollowing
+from cable_twin.runtime.follow_process import Decoder, compilation_told
+from cable_twin.runtime.following import COMPILING, FOLLOWING, MOST_LINES, STARTING, Arrival, Estimated, LiveFollowing
 from cable_twin.runtime.outlook import Answer, LiveOutlook, Question
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -174,11 +176,31 @@ def test_topics_of_several_plants_are_told_in_one_line_each_way():
 
 def test_a_sensor_counts_again_only_where_it_is_left_out():
     following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail, pytest.fail)
-    assert following.readmit("load_end") == "readmit: given 'load_end'; allowed: none, as no sensor is left out"
-    following._note(Estimated(3.0, b"", (), FOLLOWING, {"load_tower": "is stuck"}, {}))
-    allowed = "a sensor that is left out: load_tower"
-    assert following.readmit("load_end") == f"readmit: given 'load_end'; allowed: {allowed}"
-    assert following.readmit("load_tower") == ""
+    refused = "readmit: given 'load_end'; allowed: "
+    assert following.readmit("load_end", b"") == f"{refused}none, as no sensor is left out"
+    swapped = {"tilt_a": "tilt_b", "tilt_b": "tilt_a"}
+    following._note(Estimated(3.0, b"", (), FOLLOWING, {"load_tower": "is stuck"}, {}, swapped=swapped))
+    assert (
+        following.readmit("load_end", b"")
+        == f"{refused}a sensor that is left out or swapped: load_tower, tilt_a, tilt_b"
+    )
+    assert following.readmit("load_tower", b"") == following.readmit("tilt_b", b"") == ""
+
+
+def test_sensors_that_are_taken_for_each_other_are_in_the_diagnostics():
+    following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail, pytest.fail)
+    following._note(Estimated(3.0, b"", (), FOLLOWING, {}, {}, swapped={"tilt_a": "tilt_b", "tilt_b": "tilt_a"}))
+    well, text, values = following.status()
+    assert not well
+    assert text.endswith("taken for each other: tilt_a, tilt_b")
+    assert values["taken_for_tilt_a"] == "tilt_b"
+
+
+def test_a_sensor_that_counts_again_reaches_the_tracker():
+    readmitted = list[str]()
+    tracker = SimpleNamespace(sensors={}, readmit=readmitted.append)
+    Decoder(tracker).take(Arrival(READMITTED, readmitted_message("load_tower"), 5))
+    assert readmitted == ["load_tower"]
 
 
 def test_what_is_normal_is_no_alarm():

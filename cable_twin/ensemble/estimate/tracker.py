@@ -119,12 +119,14 @@ class Tracker:
         self.arrivals.command(AppliedCommand(time, Command("speed", dict(speeds)), SOURCE))
 
     def readmit(self, sensor: str) -> None:
-        """Let a sensor that is left out count again, as somebody knows who has looked at it; others are left alone."""
-        if sensor not in self.follower.left_out:
+        """Let a sensor that is left out or swapped count again, as somebody has looked at it; others are left alone."""
+        doubts, other = self.follower.doubts, self.follower.doubts.swapped.get(sensor, "")
+        if sensor not in doubts.left_out and not other:
             return
-        self.follower.doubts.readmit(sensor)
+        doubts.readmit(sensor)
         self._left.pop(sensor, None)
-        self._notes.append(f"sensor {sensor} counts again, as asked for")
+        again = f"sensors {sensor} and {other} count for themselves" if other else f"sensor {sensor} counts again"
+        self._notes.append(f"{again}, as asked for")
         if sensor in self._encoders and self.state == FOLLOWING:
             place = self.follower.place_of(sensor)
             if abs(self._newest.get(sensor, place) - place) > APART:

@@ -1,4 +1,4 @@
-"""Measurements and commands of a recorded plant, in the order of their time stamps."""
+"""Measurements and commands of a recorded plant, in the order of their time stamps, and sensors that count again."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ import heapq
 from collections.abc import Collection, Iterator, Mapping
 from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 from cable_twin.ensemble.estimate.beginning import has_moved
 from cable_twin.frame.commands import JOINT_COMMANDS
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.sensors import Measurement
-from cable_twin.messages import APPLIED_COMMANDS, SECOND
+from cable_twin.messages import APPLIED_COMMANDS, READMITTED, SECOND
 from cable_twin.messages.command_messages import command_from_message
 from cable_twin.messages.sensor_messages import PLANT, measurements_from_message, plant_name, sensor_topic
+from cable_twin.messages.texts import readmitted_from_message
 from cable_twin.offline.plant import with_usual_sensors
 from cable_twin.recording.log_file import UNREADABLE, ForeignError, LogError, one_line
 from cable_twin.recording.log_reader import Log, read_foreign, read_log
@@ -27,6 +29,12 @@ OTHER_CLOCK = 60.0  # s between the stamp of a measurement and its arrival
 PARTS = {"cables": "ropes", "vehicles": "vehicles", "towers": "towers", "drives": "drives", "sheaves": "bullwheels"}
 SOURCE = "plant"  # of commands
 Item = AppliedCommand | Measurement
+
+
+class Readmission(NamedTuple):
+    """Sensor that counts again from the arrival of this on, as somebody asked the twin that recorded the plant."""
+
+    sensor: str
 
 
 def read_plant_log(path: Path, scenario: str | None) -> Log:
@@ -97,6 +105,7 @@ class PlantLog:
         topics = {*map(sensor_topic, sensors.values())}
         of_plant = {plant_name(topic): topic for topic in topics} | {f"{PLANT}/{JOINT_COMMANDS}": JOINT_COMMANDS}
         self.real = any(topic in log.topics for topic in of_plant)
+        of_plant[READMITTED] = READMITTED
         self._topics = of_plant if self.real else {topic: topic for topic in (*topics, APPLIED_COMMANDS)}
         self.invalid = self.late = 0
 
@@ -135,6 +144,8 @@ class PlantLog:
         last: Command | None = None
         for arrival, items in self.arrivals():
             for one in items:
+                if isinstance(one, Readmission):
+                    continue  # of a twin that was there then
                 if isinstance(one, AppliedCommand):
                     if self.real and one.command == last:
                         continue  # repeated
@@ -150,8 +161,8 @@ class PlantLog:
         while waiting:
             yield heapq.heappop(waiting)[-1]
 
-    def arrivals(self) -> Iterator[tuple[float, list[Item]]]:
-        """Commands and measurements of each message, with the time (s) of its arrival.
+    def arrivals(self) -> Iterator[tuple[float, list[Item | Readmission]]]:
+        """Commands, measurements and sensors that count again of each message, with the time (s) of its arrival.
 
         Raises:
             LogError: as `items`.
@@ -160,6 +171,8 @@ class PlantLog:
             topic, arrival = self._topics[name], (stamp_ns - self._log.epoch_ns) / SECOND
             if topic == APPLIED_COMMANDS:
                 yield arrival, [self._log.command(stamp_ns, data)]
+            elif topic == READMITTED:
+                yield arrival, [self._readmission(data, arrival)]
             elif topic == JOINT_COMMANDS:
                 yield arrival, [*self._commands(data, arrival)]
             else:
@@ -181,6 +194,13 @@ class PlantLog:
             ) from None
         if isinstance(command, Command):
             yield AppliedCommand(arrival, command, SOURCE)
+
+    def _readmission(self, data: bytes, arrival: float) -> Readmission:
+        """Sensor that counts again from a time (s) on."""
+        try:
+            return Readmission(readmitted_from_message(data))
+        except UNREADABLE as error:
+            raise LogError(f"{self._log.path}: {READMITTED} at {arrival:.3f} s: {one_line(error)}") from None
 
     def _measurements(self, topic: str, data: bytes, arrival: float) -> list[Measurement]:
         """Finite measurements in a sensor message of the plant; counts those that are not finite."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -54,6 +55,13 @@ def negative(reading: Reading) -> str:
     return f"sensor {reading.name} reads the negative of what is expected: sign? It is left out"
 
 
+class Swap(NamedTuple):
+    """Other sensor, for which one is taken, and the alarm that says so."""
+
+    other: str
+    alarm: Alarm
+
+
 class Doubts:
     """Detector of faulty sensors of a plant: stuck, jumping, of another unit, swapped, or contradicting the others.
 
@@ -76,26 +84,32 @@ class Doubts:
         self._away: dict[str, list[float]] = {}  # m, of samples one after the other, from where each encoder may be
         self._of_other_units: dict[str, int] = {}  # count of samples one after the other
         self._negatives: dict[str, int] = {}  # the same with the other sign
-        self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
+        self._swaps: dict[str, Swap] = {}  # of sensors whose measurements have the name of another one
         self.left_out: dict[str, Alarm] = {}
         self.mistrusted: set[str] = set()
-        self._revoked: dict[str, Alarm] = {}  # of sensors that count again
+        self._revoked: set[Alarm] = set()  # of sensors that count again, or as themselves
 
     def taken(self, sensor: str) -> str:
         """Sensor that a measurement named `sensor` counts for, the other one if swapped; empty if left out."""
         if sensor in self.left_out or sensor not in self._readings:
             return ""
-        return self._exchanged.get(sensor, sensor)
+        return self._swaps[sensor].other if sensor in self._swaps else sensor
 
     @property
-    def known(self) -> tuple[dict[str, Alarm], dict[str, str]]:
+    def known(self) -> tuple[dict[str, Alarm], dict[str, Swap]]:
         """Sensors that are left out, and those that are swapped, for `known` to be set to later."""
-        return dict(self.left_out), dict(self._exchanged)
+        return dict(self.left_out), dict(self._swaps)
 
     @known.setter
-    def known(self, known: tuple[dict[str, Alarm], dict[str, str]]) -> None:
-        left_out, self._exchanged = known
-        self.left_out = {name: one for name, one in left_out.items() if self._revoked.get(name) != one}
+    def known(self, known: tuple[dict[str, Alarm], dict[str, Swap]]) -> None:
+        left_out, swaps = known
+        self.left_out = {name: one for name, one in left_out.items() if one not in self._revoked}
+        self._swaps = {name: one for name, one in swaps.items() if one.alarm not in self._revoked}
+
+    @property
+    def swapped(self) -> Mapping[str, str]:
+        """Sensors that are taken for each other, each with the other one."""
+        return {name: one.other for name, one in self._swaps.items()}
 
     @property
     def suspects(self) -> bool:
@@ -180,9 +194,7 @@ class Doubts:
         if contradicting == PLANT:
             return [Alarm(time, reason or "several sensors contradict the model: the plant is not as it is described")]
         if "/" in contradicting:
-            one, other = contradicting.split("/")
-            self._exchanged |= {one: other, other: one}
-            return [Alarm(time, f"sensors {one} and {other} are swapped, and are taken for each other")]
+            return [self._swap(time, *contradicting.split("/"))]
         text = reason or f"sensor {contradicting} contradicts all others and is left out"
         return [self.leave_out(contradicting, time, text)]
 
@@ -191,9 +203,34 @@ class Doubts:
         self.left_out[sensor] = alarm = Alarm(time, reason)
         return alarm
 
+    def _swap(self, time: float, one: str, other: str) -> Alarm:
+        """Take two sensors for each other from a time (s) on, or again for themselves; returns the alarm."""
+        if self.swapped.get(one) == other:
+            self._take_for_itself(one)
+            return Alarm(time, f"sensors {one} and {other} are swapped no more, and are taken for themselves again")
+        for sensor in (one, other):
+            self._take_for_itself(sensor)
+        alarm = Alarm(time, f"sensors {one} and {other} are swapped, and are taken for each other")
+        self._swaps |= {one: Swap(other, alarm), other: Swap(one, alarm)}
+        return alarm
+
+    def _take_for_itself(self, sensor: str) -> None:
+        """Take a sensor for itself, and the other one that it was taken for, if any."""
+        if sensor in self._swaps:
+            for name in (sensor, self._swaps[sensor].other):
+                self._revoked.add(self._swaps.pop(name).alarm)
+
     def readmit(self, sensor: str) -> None:
-        """Let a sensor that is left out count again, also where `known` is set to what was known before."""
-        self._revoked[sensor] = self.left_out.pop(sensor)
+        """Let a sensor that is left out or swapped count again, also where `known` is set to what was known before."""
+        names = [sensor, *([self._swaps[sensor].other] if sensor in self._swaps else [])]
+        self._take_for_itself(sensor)
+        if sensor in self.left_out:
+            self._revoked.add(self.left_out.pop(sensor))
+        for name in names:
+            self._forget(name)
+
+    def _forget(self, sensor: str) -> None:
+        """Forget what was doubted of a sensor, and its samples."""
         self.mistrusted.discard(sensor)
         for kept in (self._last, self._moved, self._away, self._of_other_units, self._negatives):
             kept.pop(sensor, None)  # type: ignore[attr-defined]
