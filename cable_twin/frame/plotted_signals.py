@@ -31,9 +31,13 @@ Whose = Literal[
     "turned",
 ]
 AXES = ("x", "y", "z")
-LINES = {  # ends of the names of lines, by the kind of their objects, with the words for them in legends
+ENDS_OF_LINES = {  # of their names, by the kind of their objects, with the words for them in legends
     "rope": {"_highest": "highest"},
     "strands": {"_on": "incoming strand", "_off": "outgoing strand"},
+}
+LINES = {  # the same of whole names, with the name that is kept beside the words
+    "rope": {"highest": ("", "highest"), "start": ("", "at the start"), "end": ("", "at the end")},
+    "air": {"x": ("x", "along"), "y": ("y", "from the right"), "z": ("z", "up")},
 }
 LEAST = {"N": 1e-3, "W": 1e-3}  # values by unit below which they are rounding; of all other units 1e-9
 SPREAD = ("arc_length",)  # signals whose range over many objects tells nothing
@@ -83,7 +87,6 @@ class Signal:
         label: of its panel in a plot of `review`, without unit.
         plot: the plot with that panel, of `PLOTS`; signals of a plot are compared as well.
         view: title of its plot in rerun, without unit; empty where the signal is not in the view.
-        legend: names of its lines in rerun, where they differ from the names of the objects.
         everywhere: whether each of these objects has the quantity; where not, NaN is no gap.
         space: whether only systems in space have the signal.
         beside: name of the signal in whose panel it is drawn, each line with the label behind its name.
@@ -96,7 +99,6 @@ class Signal:
     label: str = ""
     plot: str = ""
     view: str = ""
-    legend: tuple[str, ...] = ()
     everywhere: bool = True
     space: bool = False
     beside: str = ""
@@ -105,12 +107,13 @@ class Signal:
         """Names of the objects that have the plotted signal, in the order of its values."""
         return () if self.space and not layout.space else NAMES[self.whose](layout)
 
-    def words(self, whose: str) -> tuple[str, ...]:
-        """Words of a legend for the line of an object: its name, and which of several lines of the object it is."""
-        for end, word in LINES.get(self.whose, {}).items():
+    def words(self, whose: str, translated: Callable[[str], str] = str) -> str:
+        """Text of a legend for the line of an object: its name, and in words which of its several lines it is."""
+        name, word = LINES.get(self.whose, {}).get(whose, (whose.replace("/", " "), ""))
+        for end, which in ENDS_OF_LINES.get(self.whose, {}).items():
             if whose.endswith(end):
-                return whose.removesuffix(end), word
-        return (whose.replace("/", " "),)
+                name, word = whose.removesuffix(end), which
+        return ", ".join(part for part in (name, word and translated(word)) if part)
 
     def is_zero(self, values: FloatArray) -> bool:
         """Whether values over time are 0 within rounding, so that a plot of them would show noise."""
@@ -194,16 +197,7 @@ SIGNALS: Mapping[str, Signal] = {
             lambda of, c: of.of_commanded(c.reference_position, c.drive_reference_position),
         ),
         Signal("arc_length", "m", "vehicles", lambda of, c: of.on_loop(c), "arc length", "speed"),
-        Signal(
-            "tension",
-            "N",
-            "rope",
-            _tension,
-            "tension",
-            "tension",
-            "Tension",
-            legend=("highest", "at the start", "at the end"),
-        ),
+        Signal("tension", "N", "rope", _tension, "tension", "tension", "Tension"),
         Signal("swing", "deg", "bodies", lambda _, c: np.degrees(c.body_angles[..., 1]), "pitch", "swing", "Swing"),
         Signal(
             "roll",
@@ -225,17 +219,7 @@ SIGNALS: Mapping[str, Signal] = {
             "Place to the left",
             space=True,
         ),
-        Signal(
-            "wind",
-            "m/s",
-            "air",
-            lambda _, c: c.wind,
-            "wind",
-            "across",
-            "Wind",
-            legend=("x, along", "y, from the right", "z, up"),
-            space=True,
-        ),
+        Signal("wind", "m/s", "air", lambda _, c: c.wind, "wind", "across", "Wind", space=True),
         Signal("temperature", "degC", "all ropes", lambda _, c: c.temperature),
         Signal("drive_force", "N", "driven", lambda of, c: driven(of, c).force, "force", "drive", "Drive force"),
         Signal(

@@ -226,7 +226,7 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
     for index, name in () if many else lines:
         times, values = runs[index].signals.series[name].line()
         other = SIGNALS[name.partition("/")[0]]
-        whose = ", ".join(other.words(name.partition("/")[2]))
+        whose = other.words(name.partition("/")[2])
         whose = name.split("/", 2)[2] if lone else whose
         whose += f" {other.label}" if other.beside else ""
         color, dashes = _look(names.index(name), len(names), index, len(runs))
@@ -275,7 +275,7 @@ def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, st
             reached = {name: _reach(line[1], word) for name, line in series.items()}
             name = pick(reached, key=reached.__getitem__)
             quantity, _, line = name.partition("/")
-            label = f"{whose}{', '.join(SIGNALS[quantity].words(line))}, {word}"
+            label = f"{whose}{SIGNALS[quantity].words(line)}, {word}"
             axes.plot(*series[name], color=color, dashes=dashes, label=label, linewidth=1.0)
 
 

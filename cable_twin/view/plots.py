@@ -294,8 +294,7 @@ Maker = Callable[[Signal, Layout, Collection[str], float], Iterator[Plot]]
 def _together(signal: Signal, layout: Layout, _: Collection[str], scale: float) -> Iterator[Plot]:
     """Yield one plot with all lines of a signal."""
     if names := signal.names(layout):
-        told = signal.legend if signal.whose != "rope" or len(layout.ropes) == 1 else ()
-        titles = told or [", ".join(signal.words(name)) for name in names]
+        titles = [signal.words(name) for name in names]
         yield Plot(f"plots/{signal.name}", titles, partial(_values, signal, layout, scale, slice(None)))
 
 

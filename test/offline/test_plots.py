@@ -6,8 +6,9 @@ import pytest
 pytest.importorskip("matplotlib")
 import matplotlib.pyplot as plt
 
-from cable_twin.frame.plotted_signals import SIGNALS
+from cable_twin.frame.plotted_signals import ENDS_OF_LINES, LINES, SIGNALS
 from cable_twin.offline.plots import MANY, PlottedRun, _panel, _panels, _time_plot
+from cable_twin.offline.reporting.texts import Texts
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -81,8 +82,21 @@ def test_legends_have_words_and_not_the_ends_of_names():
     _panel(axes, [PlottedRun("", "lift", "run", run.signals)], panel)
     shown = [text.get_text() for text in axes.get_legend().get_texts()]
     assert shown == ["drive, incoming strand", "drive, outgoing strand"]
-    assert SIGNALS["tension"].words("haul_1_highest") == ("haul_1", "highest")
+    assert SIGNALS["tension"].words("haul_1_highest") == "haul_1, highest"
     plt.close()
+
+
+def test_lines_of_wind_and_of_the_tensions_of_one_rope_have_words_everywhere():
+    """One source of legends, for plots, reports in any language, and rerun."""
+    wind, tension = SIGNALS["wind"], SIGNALS["tension"]
+    assert [wind.words(axis) for axis in "xyz"] == ["x, along", "y, from the right", "z, up"]
+    assert [tension.words(name) for name in ("highest", "start", "end")] == ["highest", "at the start", "at the end"]
+    assert wind.words("y", Texts("de")) == "y, von rechts"
+    texts = Texts("de")
+    for signal in SIGNALS.values():
+        for line in (*ENDS_OF_LINES.get(signal.whose, {}), *LINES.get(signal.whose, {})):
+            signal.words(line, texts)
+    assert not texts.missing
 
 
 def test_many_lines_are_a_band_with_those_by_name_that_reach_farthest():

@@ -41,8 +41,7 @@ def _panel(signal: Signal, signals: Signals, texts: Texts) -> Chart | None:
     for one in (signal, *beside):
         for name, series in signals.series.items():
             if name.startswith(f"{one.name}/"):
-                named, *which = one.words(name.partition("/")[2])
-                whose = ", ".join((named, *map(texts, which)))
+                whose = one.words(name.partition("/")[2], texts)
                 lines[f"{whose} {texts(one.label)}" if one.beside else whose] = thinned(*series.line())
     if (signal.name in SPREAD and len(lines) > MANY) or all(signal.is_zero(values) for _, values in lines.values()):
         return None
