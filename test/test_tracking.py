@@ -11,6 +11,7 @@ import pytest
 from cable_twin.ensemble.estimate.arrivals import OTHER_CLOCK, RESET, Arrivals
 from cable_twin.ensemble.estimate.detectors.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.pursuit import APART, BELOW, CLOSING, Pursuit
+from cable_twin.ensemble.estimate.scatter import WAVING
 from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT, WAITING, Tracker
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.scenario import load_scenario
@@ -340,6 +341,18 @@ def test_a_sensor_that_counts_again_does_so_as_well_where_what_was_known_before_
     doubts.leave_out("a", 9.0, "is stuck")
     doubts.known = doubts.known
     assert sorted(doubts.left_out) == ["a", "b"]
+
+
+def test_small_jumps_are_not_told_while_the_plant_may_swing_otherwise_than_its_twin(measured, monkeypatch):
+    """After a beginning under way the haul rope of the plant swings, and that of the twin does not."""
+    follower, until = tracker_of(measured[0]).follower, list[float]()
+    monkeypatch.setattr(follower.doubts, "expect_waves", until.append)
+    follower.begin_at(5.0, {"cabin": (100.0, 0.0)})
+    assert until == []
+    follower.begin_at(7.0, {"cabin": (100.0, 4.0)})
+    follower.doubt_swing()
+    assert until == [7.0 + WAVING, 7.0 + WAVING]
+    follower.close()
 
 
 SWAPPED = "load_end/load_tower"  # as `contradicting` has a pair

@@ -189,6 +189,8 @@ class Follower:
         self._since, self._from, self._at_tower = time, time, False
         self._stands, self._begun = not under_way, time
         self._stirred = 1.0 if under_way else 0.0
+        if under_way:  # its haul rope swings, and that of the twin does not
+            self.doubts.expect_waves(time + WAVING)
         self.needs_rest = self.needs_rest and under_way
         self.doubts.forget()
         self._boarding.forget()
@@ -217,6 +219,7 @@ class Follower:
         self._shaken, self._stands = until, False
         swinging = any_swing(self._belief, len(self.slow), len(self._fast))
         self._belief, self._stirred = self._belief._replace(covariance=swinging), max(waves, self._stirred)
+        self.doubts.expect_waves(max(until, self.time) + WAVING)
 
     def close(self) -> None:
         """End the threads of the ensemble."""

@@ -18,6 +18,7 @@ FITS = (10, 1), (15, 1), (20, 1), (30, 1), (20, 3), (30, 3), (30, 5)  # samples 
 HALF = max(count for count, _ in FITS)
 SMALLEST = 3.7  # standard deviations of a sample, of which a jump is at least: one quantum is 3.5 and no jump
 ROUGHER = 2.0  # times that, where a plant bounces otherwise than its twin: a quantum and a bounce at once are no jump
+BOUNCES = 1.2  # times what places bounce by on either side, of which a jump is at least there
 LEAST = 5e-3  # m, smaller steps are of no account
 SUREST = 3.5  # standard deviations of the step of each fit, as its own residuals are
 ALIKE = 2.0  # times the smallest step of all fits, which the largest one is at most
@@ -46,6 +47,10 @@ class _Fit:
         return float(self._step @ values), self._size * max(float(np.sqrt(left @ left / self._free)), noise)
 
 
+_LINES = np.vander(np.arange(HALF), 2)
+_LEVEL = np.eye(HALF) - _LINES @ np.linalg.pinv(_LINES)  # what is left of samples without their trend
+
+
 class Jumps:
     """Detector of jumps of one encoder.
 
@@ -53,11 +58,11 @@ class Jumps:
         noise: standard deviation of a sample, m.
 
     Attributes:
-        smallest: jump that is told, in standard deviations of a sample.
+        rough: whether the plant bounces otherwise than its twin, so that larger jumps alone are told.
     """
 
     def __init__(self, noise: float) -> None:
-        self.smallest = SMALLEST
+        self.rough = False
         self._noise, self._fits = noise, [_Fit(count, degree) for count, degree in FITS]
         self._times: deque[float] = deque(maxlen=2 * HALF)
         self._apart: deque[float] = deque(maxlen=2 * HALF)
@@ -87,7 +92,9 @@ class Jumps:
             return 0.0
         values = np.interp(time - usual * np.arange(2 * HALF - 1, -1, -1), times, np.array(self._apart))
         found = [fit.step(values[fit.samples], self._noise) for fit in self._fits]
-        sign, least = np.sign(found[0][0]), max(self.smallest * self._noise, LEAST)
+        sign, least = np.sign(found[0][0]), max(SMALLEST * self._noise, LEAST)
+        if self.rough:
+            least = max(ROUGHER * least, BOUNCES * max(float(np.ptp(_LEVEL @ side)) for side in np.split(values, 2)))
         steps = sign * np.array([step for step, _ in found])
         sure = all(sign * step > max(least, SUREST * deviation) for step, deviation in found)
         size = float(np.median(steps))

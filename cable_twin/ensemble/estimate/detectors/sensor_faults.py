@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.detectors.alarm import Alarm
-from cable_twin.ensemble.estimate.detectors.jumps import ROUGHER, SMALLEST, Jumps, Leaps
+from cable_twin.ensemble.estimate.detectors.jumps import Jumps, Leaps
 from cable_twin.ensemble.estimate.quantities import LEAST_FORCE, Reading
 from cable_twin.frame.sensors import Measurement
 from cable_twin.mechanics.parameters import FloatArray
@@ -282,7 +282,7 @@ class Doubts:
             if sensor not in self._jumps:
                 continue
             apart = one.values[0] - self._readings[sensor].in_frame(numbers)
-            self._jumps[sensor].smallest = ROUGHER * SMALLEST if time < self._rough_until else SMALLEST
+            self._jumps[sensor].rough = time < self._rough_until
             if size := self._jumps[sensor].note(time, apart):
                 text = f"sensor {one.sensor} has jumped by {with_unit(size, 'm', 2)} and is left out"
                 alarms.append(self.leave_out(one.sensor, time, text))
