@@ -11,6 +11,7 @@ import pytest
 from cable_twin.ensemble.estimate.arrivals import OTHER_CLOCK, RESET, Arrivals
 from cable_twin.ensemble.estimate.detectors.sensor_faults import Doubts
 from cable_twin.ensemble.estimate.pursuit import APART, BELOW, CLOSING, Pursuit
+from cable_twin.ensemble.estimate.quantities import Errors, Reading
 from cable_twin.ensemble.estimate.scatter import WAVING
 from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT, WAITING, Tracker
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
@@ -353,6 +354,21 @@ def test_small_jumps_are_not_told_while_the_plant_may_swing_otherwise_than_its_t
     follower.doubt_swing()
     assert until == [7.0 + WAVING, 7.0 + WAVING]
     follower.close()
+
+
+@pytest.mark.parametrize(("gap", "stuck"), [(0.1, True), (20.0, False)])
+def test_an_encoder_is_not_stuck_whose_plant_has_stopped_while_nothing_was_heard(gap, stuck):
+    """As of a twin that was too far behind its plant, and has left out what was waiting."""
+    doubts = Doubts({"a": Reading("a", "m", np.zeros(1, dtype=np.intp), 0.003, Errors(0.05, 0.05), 0.2)})
+    moving = [(0.1 * number, 0.2 * number) for number in range(20)]
+    time, place = moving[-1]
+    standing = [(time + gap + 0.1 * number, place + 2.0 * gap) for number in range(9)]
+    said = [
+        alarm.reason
+        for now, there in (*moving, *standing)
+        for alarm in doubts.of_samples(now, [Measurement("a", now, (there,))], np.zeros(1), unlike=True)
+    ]
+    assert said == ["sensor a is stuck at 4 m and is left out"] * stuck
 
 
 SWAPPED = "load_end/load_tower"  # as `contradicting` has a pair

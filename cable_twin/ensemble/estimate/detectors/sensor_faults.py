@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.detectors.alarm import Alarm
-from cable_twin.ensemble.estimate.detectors.jumps import Jumps, Leaps
+from cable_twin.ensemble.estimate.detectors.jumps import FASTEST, Jumps, Leaps
 from cable_twin.ensemble.estimate.quantities import LEAST_FORCE, Reading
 from cable_twin.frame.sensors import Measurement
 from cable_twin.mechanics.parameters import FloatArray
@@ -77,7 +77,7 @@ class Doubts:
         self._readings = readings
         self._suspected: dict[str, int] = {}
         self._last: dict[str, tuple[float, int]] = {}  # value and count of equal samples
-        self._moved: dict[str, tuple[float, float, float]] = {}  # time, place and speed of the last move of an encoder
+        self._moved: dict[str, tuple[float, float, float]] = {}  # time, place, speed of the last move of an encoder
         self._rough_until = -np.inf  # s, until when the plant has waves that its twin does not have
         self._jumps = {name: Jumps(one.noise) for name, one in readings.items() if one.unit == "m"}
         self._leaps = {name: Leaps(one.noise) for name, one in readings.items() if one.unit == "m"}
@@ -253,8 +253,10 @@ class Doubts:
             same = abs(value - size) <= 1e-9 * abs(size) and not self._bears_nothing(reading, size, numbers)
             self._last[one.sensor] = size, count + 1 if same else 1
             if reading.unit == "m" and not same:
-                before = self._moved.get(one.sensor, (time, size, 0.0))
-                self._moved[one.sensor] = time, size, (size - before[1]) / max(time - before[0], 1e-3)
+                then, there, _ = self._moved.get(one.sensor, (time, size, 0.0))
+                since = max(time - then, 1e-3)
+                speed = (size - there) / since
+                self._moved[one.sensor] = time, size, speed if abs(speed) > FASTEST * since else 0.0  # it may brake
             if same and count + 1 == most and abs(self._moved.get(one.sensor, (0.0, 0.0, np.inf))[2]) > SUDDEN:
                 text = f"sensor {one.sensor} is stuck at {with_unit(size, reading.unit, 6)} and is left out"
                 alarms.append(self.leave_out(one.sensor, time, text))
