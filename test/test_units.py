@@ -49,6 +49,8 @@ def test_a_number_is_rounded_to_its_digits():
 def test_a_figure_on_a_topic_is_in_one_unit_with_its_limit():
     figure = named("drive: drive force", 900.0, "N", 1.0, limit=106000.0, source="scenario")
     assert describe(figure) == "0.9 kN at 1.00 s, allowed: at most 106 kN (scenario)"
+    passed = named("cabin: acceleration", 1.500004, "m/s^2", 1.0, limit=1.5, source="usual")
+    assert describe(passed) == "1.500004 m/s^2 at 1.00 s, allowed: at most 1.5 m/s^2 (usual)"
 
 
 def test_what_a_comparison_comes_to_says_which_run_is_beyond():

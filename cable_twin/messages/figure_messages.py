@@ -8,6 +8,7 @@ from cable_twin.basics.printable import printable
 from cable_twin.basics.units import counted, rounded, shown_unit
 from cable_twin.key_figures import KeyFigure, figure_from_values, values_of
 from cable_twin.key_figures.outlook import Outlook
+from cable_twin.key_figures.shown import digits_of, shown
 from cable_twin.messages import Status, diagnostics_message, statuses_of_message
 
 OK, WARNING = 0, 1  # levels of diagnostics
@@ -125,10 +126,10 @@ def describe(figure: KeyFigure) -> str:
     """Text of a key figure: value, time and place, with its limit if any."""
     sizes = [abs(value) for value in (figure.value, figure.limit) if value is not None]
     unit, scale = shown_unit(figure.unit, max(sizes))
-    unit = "" if unit == "-" else f" {unit}"
-    parts = [f"{rounded(figure.value * scale)}{unit} at {figure.time:.2f} s"]
+    unit, digits = "" if unit == "-" else f" {unit}", digits_of(figure, scale)
+    parts = [f"{shown(figure.value, scale, digits)}{unit} at {figure.time:.2f} s"]
     if figure.place:
         parts.append(figure.place)
     if figure.limit is not None:
-        parts.append(f"allowed: {figure.bound} {rounded(figure.limit * scale)}{unit} ({figure.source})")
+        parts.append(f"allowed: {figure.bound} {rounded(figure.limit * scale, digits)}{unit} ({figure.source})")
     return ", ".join(parts)

@@ -14,11 +14,10 @@ from rich.table import Table
 
 from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.key_figures import KeyFigure
+from cable_twin.key_figures.shown import digits_of, shown
 
 WIDE = 140  # characters that a table with limits, times and places needs
 LABELS = string.ascii_lowercase  # of runs beside each other
-DIGITS, MOST_DIGITS = 4, 9  # of values and limits, and where a value that passes its limit would look like it
-NOISE = 1e-6  # in the printed unit: below it, a rounding error
 
 
 def table_console() -> Console:
@@ -122,20 +121,6 @@ def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
     digits = digits_of(figure, scale)
     text = f"{shown(figure.value, scale, digits)}{unit}, {figure.bound} {rounded(figure.limit * scale, digits)}{unit}"
     return text if brief else ", ".join(filter(None, (text, f"{at} {figure.time:.2f} {unit_at}", figure.place)))
-
-
-def digits_of(figure: KeyFigure, scale: float) -> int:
-    """Significant digits of a key figure and its limit, so many that a value that passes its limit differs from it."""
-    digits = DIGITS
-    if figure.limit is not None and figure.kept is not True:
-        while digits < MOST_DIGITS and shown(figure.value, scale, digits) == rounded(figure.limit * scale, digits):
-            digits += 1
-    return digits
-
-
-def shown(value: float, scale: float, digits: int = DIGITS) -> str:
-    """Text of an SI value, scaled to its shown unit; a value within rounding error is shown as 0."""
-    return "0" if abs(value * scale) < NOISE else rounded(value * scale, digits)
 
 
 def _uncertainty(figure: KeyFigure, scale: float) -> str:

@@ -28,7 +28,7 @@ from rich.table import Table
 from cable_twin.basics.units import rounded
 from cable_twin.frame.plotted_signals import SIGNALS
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.offline.figure_table import shown
+from cable_twin.key_figures.shown import shown
 
 HELD = 2.0  # s
 SMALLEST, AT_REST = 1e-3, 0.05  # m/s, smallest step, and speed that counts as 0

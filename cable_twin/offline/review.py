@@ -24,8 +24,9 @@ from rich.progress import (
 from rich.table import Table
 
 from cable_twin.basics.units import shown_unit
+from cable_twin.key_figures.shown import shown
 from cable_twin.offline.export import Export, add_export, export_fault
-from cable_twin.offline.figure_table import LABELS, print_figures, shown, table_console
+from cable_twin.offline.figure_table import LABELS, print_figures, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
 from cable_twin.offline.responses import print_responses

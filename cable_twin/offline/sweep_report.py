@@ -14,8 +14,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.key_figures.shown import shown
 from cable_twin.offline.export import figure_columns, opened
-from cable_twin.offline.figure_table import print_notes, shown
+from cable_twin.offline.figure_table import print_notes
 from cable_twin.offline.sweep_limits import Edge, SweptFigure, SweptRun, Window, keeps_all
 
 COLUMN = 17  # characters of a column of the table

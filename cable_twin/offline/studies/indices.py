@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_twin.basics.units import NORMAL_95, shown_unit
 from cable_twin.frame.records import FloatArray
-from cable_twin.offline.figure_table import NOISE
+from cable_twin.key_figures.shown import NOISE
 from cable_twin.offline.studies.design import Design
 from cable_twin.offline.studies.record import Results, whole_file
 

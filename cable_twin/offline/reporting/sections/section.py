@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.key_figures import FigureId, KeyFigure
-from cable_twin.offline.figure_table import digits_of, shown
+from cable_twin.key_figures.shown import digits_of, shown
 from cable_twin.offline.reporting.results import Results
 from cable_twin.offline.reporting.texts import Texts
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from cable_twin.basics.units import shown_unit
-from cable_twin.offline.figure_table import shown
+from cable_twin.key_figures.shown import shown
 from cable_twin.offline.reporting.results import Results, StudyRange
 from cable_twin.offline.reporting.sections.section import Cell
 from cable_twin.offline.reporting.texts import Texts
