@@ -262,8 +262,9 @@ class OneLineParser(argparse.ArgumentParser):
             allow_abbrev=False,
         )
         self._failure = failure
-        # argparse takes -2e5 for an option
-        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
+        # argparse takes -2e5 and -10,4.5 for options
+        size = r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?"
+        self._negative_number_matcher = re.compile(rf"-{size}(,[+-]?{size})*$", re.IGNORECASE)
 
     def error(self, message: str) -> NoReturn:
         """Print the error of an option in one line and end the process."""

@@ -97,7 +97,7 @@ def test_given_values_and_stations_are_in_the_file(tmp_path):
     ("terrain", "towers", "told"),
     [
         ("x,z\n0,0\n20,1\n15,2\n", None, "terrain.csv: line 4: given x = 15 m after 20 m: the terrain folds back"),
-        ("x,z\n0,0\n", None, "terrain.csv: given 1 points of terrain; allowed: at least 2"),
+        ("x,z\n0,0\n", None, "terrain.csv: given 1 point of terrain; allowed: at least 2"),
         ("x\n0\n1\n", None, "terrain.csv: line 1: columns: given x; allowed: with z (m) among them"),
         ("x,z\n0,0\n1,high\n", None, "terrain.csv: line 3: z: given 'high'; allowed: a number, in m"),
         ("x,z\n0,0\n1\n", None, "terrain.csv: line 3: given 1 columns; allowed: 2, as in the header"),
@@ -114,6 +114,15 @@ def test_given_values_and_stations_are_in_the_file(tmp_path):
         (None, "name,x\nA,45\n", "towers.csv: line 1: columns: given name, x; allowed: with z_rope (m) or rope_above"),
         (None, "x,z_rope,hold_down\n45,9,up\n", "towers.csv: line 2: hold_down: given 'up'; allowed: 1 or 0"),
         (None, "x,z_rope,contacts\n45,9,2.5\n", "towers.csv: line 2: contacts: given 2.5; allowed: a whole number"),
+        ("x,z\n0,0\n950000,24000\n", None, "terrain.csv: given 950000 m of terrain; allowed: 20 to 100000 m, as its"),
+        ("x,z\n0,0\n0.95,0.24\n", None, "terrain.csv: given 0.95 m of terrain; allowed: 20 to 100000 m, as its unit"),
+        ("x,z\n20,2\n10,1\n0,0\n", None, "terrain.csv: given terrain from x = 20 m down to 0 m; allowed: rising x"),
+        (
+            None,
+            "x,z_rope\n45,9500\n",
+            "towers.csv: line 2: given T1 with its rope at z = 9500 m, 9500 m above the g",
+        ),
+        (None, "x,z_rope\n350,68\n150,27\n45,9\n", "towers.csv: given towers from T1 at x = 350 m down to T3 at 45 m"),
     ],
 )
 def test_wrong_surveys_are_a_line_each(tmp_path, terrain, towers, told):
@@ -125,6 +134,20 @@ def test_wrong_surveys_are_a_line_each(tmp_path, terrain, towers, told):
         read_survey(*files)
     (line,) = str(error.value).splitlines()
     assert told in line
+
+
+def test_a_table_of_another_encoding_is_told_with_its_line(tmp_path):
+    towers = tmp_path / "towers.csv"
+    towers.write_bytes("name,x,z_rope\nStütze 1,45,9.5\n".encode("cp1252"))
+    with pytest.raises(SurveyError) as error:
+        read_survey(TERRAIN, towers)
+    assert str(error.value) == (
+        f"{towers}: line 2: not a text in UTF-8; allowed: a CSV file in UTF-8, as spreadsheets save it as `CSV UTF-8`"
+    )
+
+
+def test_a_station_before_the_zero_of_x_is_an_option_like_any_other():
+    assert import_profile.parser().parse_args(["terrain.csv", "--start", "-10,-4.5"]).start == (-10.0, -4.5)
 
 
 def test_of_many_faults_the_first_are_told(tmp_path):

@@ -13,6 +13,8 @@ from cable_twin.frame.records import FloatArray
 
 FEET = {"m": 1.0, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}  # m, international and US survey foot
 NAME = re.compile("[a-zA-Z][a-zA-Z0-9_]*")
+SHORTEST, LONGEST = 20.0, 100e3  # m of terrain; the longest ropeway had 96 km
+HIGHEST = 500.0  # m of a rope on a tower over the ground; the highest towers of ropeways have 214 m
 
 
 class SurveyError(ValueError):
@@ -84,16 +86,28 @@ def check_terrain(file: str, points: Sequence[tuple[str, float, float]]) -> Floa
     """Check surveyed terrain points, given with their place in a file; returns the terrain (points, 2) in m.
 
     Raises:
-        SurveyError: there are fewer than two points, or x does not rise.
+        SurveyError: there are fewer than two points, x does not rise, or the terrain has the length of no ropeway.
     """
-    faults = [] if len(points) > 1 else [f"{file}: given {len(points)} points of terrain; allowed: at least 2"]
-    for (_, before, _), (where, x, _) in pairwise(points):
-        if x <= before:
-            given = f"given x = {x:g} m after {before:g} m: the terrain folds back"
-            faults.append(f"{file}: {where}: {given}; allowed: rising x, in m")
-    if faults:
+    terrain = np.array([[x, z] for _, x, z in points]).reshape(-1, 2)
+    rises = np.diff(terrain[:, 0])
+    if len(points) < 2:
+        given = f"{len(points)} point{'' if len(points) == 1 else 's'}"
+        raise SurveyError(f"{file}: given {given} of terrain; allowed: at least 2")
+    if len(points) > 2 and np.all(rises < 0.0):
+        raise SurveyError(
+            f"{file}: given terrain from x = {terrain[0, 0]:g} m down to {terrain[-1, 0]:g} m; allowed: rising x, "
+            "in m: the rows the other way round"
+        )
+    if faults := [
+        f"{file}: {points[number + 1][0]}: given x = {terrain[number + 1, 0]:g} m after {terrain[number, 0]:g} m: the "
+        "terrain folds back; allowed: rising x, in m"
+        for number in np.flatnonzero(rises <= 0.0)
+    ]:
         raise SurveyError("\n".join(faults))
-    return np.array([[x, z] for _, x, z in points])
+    if not SHORTEST <= (length := float(terrain[-1, 0] - terrain[0, 0])) <= LONGEST:
+        allowed = f"{SHORTEST:g} to {LONGEST:g} m, as its unit is m"
+        raise SurveyError(f"{file}: given {length:g} m of terrain; allowed: {allowed}")
+    return terrain
 
 
 def surveyed(file: str, terrain: FloatArray, towers: Sequence[SurveyedTower], notes: Sequence[str]) -> Survey:
@@ -118,6 +132,12 @@ def surveyed(file: str, terrain: FloatArray, towers: Sequence[SurveyedTower], no
 
 def _tower_faults(survey: Survey) -> Iterator[str]:
     towers, (first, last) = survey.towers, survey.terrain[[0, -1], 0]
+    if len(towers) > 2 and all(after.x < before.x for before, after in pairwise(towers)):
+        yield (
+            f"given towers from {towers[0].name} at x = {towers[0].x:g} m down to {towers[-1].name} at "
+            f"{towers[-1].x:g} m; allowed: towers in rising x, in m: the rows the other way round"
+        )
+        return
     for before, tower in pairwise(towers):
         if tower.x <= before.x:
             yield (
@@ -136,4 +156,9 @@ def _tower_faults(survey: Survey) -> Iterator[str]:
             yield (
                 f"{tower.where}: given {tower.name} with its rope at z = {tower.z:g} m; allowed: above the ground, "
                 f"{ground:.4g} m there (heights of towers and terrain are to have one datum)"
+            )
+        elif tower.z - ground > HIGHEST:
+            yield (
+                f"{tower.where}: given {tower.name} with its rope at z = {tower.z:g} m, {tower.z - ground:.4g} m above "
+                f"the ground; allowed: at most {HIGHEST:g} m (terrain and towers are to have one datum and one unit)"
             )

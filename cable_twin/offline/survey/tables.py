@@ -128,7 +128,9 @@ def _text(file: Path) -> str:
     try:
         return limited_text(file, LARGEST)
     except UnicodeDecodeError as error:
-        raise SurveyError(f"{file}: not a text in UTF-8 (byte {error.start}); allowed: a CSV file") from None
+        line = error.object.count(b"\n", 0, error.start) + 1
+        allowed = "a CSV file in UTF-8, as spreadsheets save it as `CSV UTF-8`"
+        raise SurveyError(f"{file}: line {line}: not a text in UTF-8; allowed: {allowed}") from None
     except (OSError, UnreadableYamlError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SurveyError(f"{file}: cannot be read ({reason}); allowed: a CSV file") from None

@@ -27,6 +27,7 @@ from cable_twin.scenario.checks.fault import (
 from cable_twin.scenario.checks.limits import limit_faults
 from cable_twin.scenario.checks.line import equilibrium_faults, line_faults
 from cable_twin.scenario.checks.vehicles import carrier_faults, drive_faults, name_conflicts, vehicle_faults
+from cable_twin.scenario.checks.wrong_units import overload_faults
 from cable_twin.scenario.schema import Scenario
 
 BY_JOINS = ("ropes", "towers", "carriers", "drives", "sheaves")  # which wrongly joined ends make wrong as well
@@ -151,6 +152,7 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
     yield from _sensors(scenario)
     yield from limit_faults(scenario)
     yield from wind_faults(scenario)
+    yield from overload_faults(scenario)
 
 
 def _sensors(scenario: Scenario) -> Iterator[Fault]:

@@ -220,6 +220,23 @@ def _towers(scenario: Scenario) -> Iterator[Fault]:
             yield refuse((*path, "position"), tower.position, allowed)
         before, passed = f"tower {name!r}", x
         yield from _contacts((*path, "length"), tower)
+    yield from _room(scenario)
+
+
+def _room(scenario: Scenario) -> Iterator[Fault]:
+    """Errors in the length of a rope's towers: contacts that reach over an end or over a shorter neighbour."""
+    cable, towers = scenario.cable, scenario.towers
+    names = ["the start", *towers, "the end"]
+    corners = [scenario.vector(place) for place in (cable.start.position, *scenario.corners[1:-1], cable.end.position)]
+    lengths = [0.0, *(tower.length for tower in towers.values()), 0.0]
+    for number, (name, tower) in enumerate(towers.items(), start=1):
+        away = {other: dist(corners[number], corners[other]) for other in (number - 1, number + 1)}
+        room = {other: 2.0 * away[other] - lengths[other] for other in away if lengths[other] <= tower.length}
+        least = min(room, key=lambda other: room[other], default=None)
+        if least is not None and 0.0 < room[least] < tower.length:
+            length = f", {lengths[least]:g} m long" if lengths[least] else ""
+            why = f"it reaches over {names[least]}, {rounded(away[least], 3)} m away{length}"
+            yield refuse(("towers", name, "length"), tower.length, f"up to {rounded(room[least], 3)} m", why)
 
 
 def _contacts(path: KeyPath, tower: Tower) -> Iterator[Fault]:

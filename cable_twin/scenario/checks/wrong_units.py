@@ -6,13 +6,14 @@ Limits are wide enough for studies: ropes without mass, soft or stiff ones, and 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import hypot, nan, pi, sqrt
+from math import hypot, inf, nan, pi, sqrt
 
-from cable_twin.basics.units import rounded
+from cable_twin.basics.units import rounded, with_unit
 from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse, show, unit_of
+from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.drives import HaulRope
 from cable_twin.scenario.sections.line import Cable
-from cable_twin.scenario.sections.vehicles import Body
+from cable_twin.scenario.sections.vehicles import Body, Carriage, CarrierKind
 
 DENSITIES = 1.0, 25e3  # kg/m^3 by the diameter or metal_area; of steel 4500 to 8500, of a rope without mass less
 STRAINS = 1e-4, 2.0  # at the breaking force; of steel ropes 0.005 to 0.03, and by a force or EA in kN 1000 times off
@@ -67,3 +68,47 @@ def body_faults(path: KeyPath, body: Body) -> Iterator[Fault]:
         radius = sqrt(body.inertia / body.mass)
         why = f"with the mass of {show(body.mass, 'kg')} a radius of gyration of {rounded(radius, 3)} m"
         yield refuse((*path, "inertia"), body.inertia, f"up to {rounded(most, 3)} kg m^2, for {WIDEST:g} m", why)
+
+
+def overload_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Errors of vehicles and tensioning devices that weigh or pull more than their ropes bear before they break."""
+    ropes = {
+        name: inf if rope.breaking_force is None else rope.breaking_force for name, rope in scenario.cables.items()
+    }
+    for name, rope in scenario.cables.items():
+        for end, support in rope.ends.items():
+            if support.support == "counterweight":
+                path = (*scenario.rope_key(name).split("."), end)
+                yield from _overload(path, support.mass, support.force, scenario.gravity, ropes[name])
+    for name, sheave in scenario.sheaves.items():
+        strength = sum(ropes.get(end.partition(".")[0], inf) for end in sheave.joins) or inf
+        if (weight := sheave.counterweight) is not None:
+            path = ("sheaves", name, "counterweight")
+            yield from _overload(path, weight.mass, weight.force, scenario.gravity, strength)
+        if (cylinder := sheave.hydraulics) is not None:
+            yield from _overload(("sheaves", name, "hydraulics"), None, cylinder.force, scenario.gravity, strength)
+    kinds: dict[KeyPath, Carriage | CarrierKind] = {
+        ("carriages", name): one for name, one in scenario.carriages.items()
+    }
+    kinds |= {} if scenario.carriers is None else scenario.carriers.kinds_by_path
+    strongest = max(ropes.values())
+    for at, kind in kinds.items():
+        full = sum(body.mass for body in kind.bodies.values()) + (kind.payload.capacity if kind.payload else 0.0)
+        if full * scenario.gravity > strongest:
+            heavy = {(*at, "bodies", name, "mass"): body.mass for name, body in kind.bodies.items()}
+            heavy |= {(*at, "payload", "capacity"): kind.payload.capacity} if kind.payload else {}
+            heaviest = max(heavy, key=lambda path: heavy[path])
+            why = f"the vehicle weighs {with_unit(full * scenario.gravity, 'N')} in all"
+            allowed = f"a vehicle of less than {with_unit(strongest, 'N')}, with which its rope breaks"
+            yield refuse(heaviest, heavy[heaviest], allowed, why)
+
+
+def _overload(
+    path: KeyPath, mass: float | None, force: float | None, gravity: float, strength: float
+) -> Iterator[Fault]:
+    """Error of a tensioning device that pulls with more than the breaking force (N) of its rope or strands."""
+    pull = (mass or nan) * gravity if force is None else force
+    if pull > strength:
+        key, given = ("mass", mass) if force is None else ("force", force)
+        allowed = f"less than {with_unit(strength, 'N')}, with which its rope breaks"
+        yield refuse((*path, key), given, allowed, f"a pull of {with_unit(pull, 'N')}")

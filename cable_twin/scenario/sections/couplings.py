@@ -48,7 +48,7 @@ class Sheave(Section):
     """Bullwheel: turns the rope from the end of one strand to the start of another one."""
 
     position: Place | None = quantity("m", "centre of the bullwheel; null: midway between the joined ends", None)
-    radius: float = quantity("m", "radius at the rope", gt=0)
+    radius: float = quantity("m", "radius at the rope", gt=0, le=50)
     joins: Joined = Field(
         description="joined ends: the end of one rope and the start of another, [up.end, down.start]",
         json_schema_extra={"allowed": "a list of two texts, ROPE.end and ROPE.start"},
