@@ -387,6 +387,9 @@ def test_a_substitute_at_rest_is_a_bound_on_both_sides():
         for at_rest, state in ((False, moving), (True, "not decided")):
             found = {one.check: one for one in judge(scenario, [own, other], at_rest=at_rest)}
             assert found["FR85-16"].state == state
+            if state == "not decided":  # the reason is the bound that leaves open what the value alone would decide
+                told = "at rest the figure is at least" if factor > 3.15 else "the figure is at most what the rule comp"
+                assert found["FR85-16"].reason.startswith(told)
 
 
 def test_a_rope_without_data_is_not_kept_by_the_others(tmp_path):

@@ -306,9 +306,13 @@ class Judge:
             return base.open(f"within the uncertainty of {off:.2g} {base.check.unit}")
         if check.allowance is not None:
             return base.open(f"within the allowance of {allowance:.3g} {check.unit}; {check.definition}".rstrip("; "))
-        if self._at_rest and (at_rest := check.compared_at_rest) in bounds:
-            return base.open(f"at rest the figure is {at_rest} what it is in motion, which the rule compares")
-        side = next(one for one in ("at least", "at most") if one in bounds)
+        by_itself = _keeps(check.comparison or "", limits, value, allowance)
+        ends: dict[Compared, float] = {"at least": least, "at most": most}
+        sides = [one for one in ends if one in bounds]
+        open_to = [one for one in sides if _keeps(check.comparison or "", limits, ends[one], allowance) != by_itself]
+        side = (open_to or sides)[0]
+        if self._at_rest and check.compared_at_rest == side:
+            return base.open(f"at rest the figure is {side} what it is in motion, which the rule compares")
         return base.open(f"the figure is {side} what the rule compares: {check.definition or check.text}")
 
 
