@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cable_twin.basics.limited_yaml import LARGEST, UnreadableYamlError, limited_text, read_yaml
+from cable_twin.basics.separated import separator_of, with_point
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.recording.log_reader import Log
@@ -92,7 +93,7 @@ def read_script(file: Path, scenario: Scenario | None = None) -> list[ScriptedCo
     except UnreadableYamlError as error:
         raise ScriptError(f"{file}: {error}") from None
     except UnicodeDecodeError as error:
-        raise ScriptError(f"{file}: not a text in UTF-8 (byte {error.start})") from None
+        raise ScriptError(f"{file}: not a text in UTF-8 (byte {error.start}); allowed: YAML or CSV in UTF-8") from None
     except OSError as error:
         raise ScriptError(f"{file}: {error.strerror}") from None
     rows = _csv_rows(file, text) if suffix == ".csv" else _yaml_rows(file, text)
@@ -164,7 +165,9 @@ def _refused(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: 
 
 def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
     """Line number and values, or an error text, of each CSV row of a script, without empty cells and # comments."""
-    reader = csv.reader(text.splitlines())
+    lines = text.splitlines()
+    separator = separator_of(next((line for line in lines if line.strip() and not line.lstrip().startswith("#")), ""))
+    reader = csv.reader(lines, delimiter=separator)
     header: list[str] = []
     for line in _readable(reader, file):
         cells = [cell.strip() for cell in line]
@@ -184,7 +187,8 @@ def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
         if len(cells) > len(header):
             yield reader.line_num, f"cells: given {len(cells)}; allowed: {len(header)}, as in the header"
             continue
-        row: dict[str, Any] = {key: _number(cell) for key, cell in zip(header, cells, strict=False) if cell}
+        named = zip(header, cells, strict=False)
+        row: dict[str, Any] = {key: _number(cell, separator) for key, cell in named if cell}
         if at := {key.removeprefix("at_"): row.pop(key) for key in AT if key in row}:
             row["at"] = at
         yield reader.line_num, row
@@ -197,9 +201,9 @@ def _readable(reader: Any, file: Path) -> Iterator[list[str]]:
         raise ScriptError(f"{file}:{reader.line_num}: not CSV ({error})") from None
 
 
-def _number(cell: str) -> float | str:
+def _number(cell: str, separator: str) -> float | str:
     try:
-        return float(cell)
+        return float(with_point(cell, separator))
     except ValueError:
         return cell
 

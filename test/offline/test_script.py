@@ -45,6 +45,13 @@ def write(directory, name, text):
     return path
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_csv_of_a_spreadsheet_may_have_decimal_commas(tmp_path, separator):
+    text = separator.join(("# a remark, with a comma\ntime", "name", "speed\n0,5", "cabin", "5,5\n"))
+    (command,) = read_script(write(tmp_path, "trip.csv", text))
+    assert (command.time, dict(command.command.values)) == (0.5, {"cabin": 5.5})
+
+
 def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
     scripts = [read_script(write(tmp_path, "trip.yaml", YAML_TEXT)), read_script(write(tmp_path, "trip.csv", CSV_TEXT))]
     for script in scripts:

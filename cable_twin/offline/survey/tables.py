@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text
+from cable_twin.basics.separated import separator_of, with_point
 from cable_twin.offline.survey.profile import (
     FEET,
     Survey,
@@ -91,7 +92,7 @@ def read_table(file: Path, units: str | None = None) -> Table:
         raise SurveyError(f"{file}: given no line; allowed: a header and a row for each point or tower")
     if units is None and (said := _unit_in(remarks)) is not None:
         units = said
-    delimiter = next((mark for mark in (";", "\t", ",") if mark in lines[0][1]), ",")
+    delimiter = separator_of(lines[0][1])
     if len(lines) - 1 > MOST_ROWS:
         raise SurveyError(f"{file}: given {len(lines) - 1} rows; allowed: at most {MOST_ROWS}")
     try:
@@ -179,7 +180,7 @@ def _columns(file: str, header: Sequence[str], units: str | None) -> tuple[list[
 def _number(cell: str, delimiter: str) -> float | None:
     text = cell.strip()
     try:
-        value = float(text.replace(",", ".") if delimiter != "," else text)
+        value = float(with_point(text, delimiter))
     except ValueError:
         return None
     return value if math.isfinite(value) else None
