@@ -37,6 +37,8 @@ KMH = r"carriages.cabin.drive.limits.speed of 36 m/s: ropeways run at up to 15 m
             {"carriers.payload.capacity": 0.3, "carriers.payload.leaving": {"return": 0.3}},
             "of 0.3 kg: .*; 0.3 t are 300 kg",
         ),
+        ("aerial_tramway", {"cable.mass_per_length": 0.0253}, "cable.mass_per_length of 0.0253 kg/m: .* of 7.4 kg/m"),
+        ("chairlift", {"ropes.up.diameter": 0.4}, "ropes.up.mass_per_length of 6.1 kg/m: .* of 48.5 kg/m"),
     ],
 )
 def test_values_of_another_unit_are_warned_of(name, changes, said):
@@ -56,3 +58,15 @@ def test_shipped_scenarios_are_not_warned_of():
 def test_a_simulation_warns():
     with pytest.warns(UserWarning, match=KMH):
         Simulation(load_scenario("aerial_tramway", {"carriages.cabin.drive.limits.speed": 36.0}))
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "said"),
+    [
+        ("aerial_tramway", {"towers.tower.stiffness": 80.0}, "towers.tower.stiffness of 80 N/m: 121 contacts yield by"),
+        ("chairlift", {"towers.tower_2_up.stiffness": 800.0}, "towers.tower_2_up.stiffness of 800 N/m: 8 contacts yie"),
+    ],
+)
+def test_towers_that_yield_by_metres_are_warned_of(name, changes, said):
+    with pytest.warns(UserWarning, match=said):
+        Simulation(load_scenario(name, changes))

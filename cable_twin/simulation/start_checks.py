@@ -7,13 +7,13 @@ A rope without bending stiffness under compression is in an unstable equilibrium
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
-from math import ceil, floor, inf, log, log10, pi, sqrt
+from collections.abc import Iterable, Mapping
+from math import ceil, floor, inf, log, log10, nan, pi, sqrt
 
 import numpy as np
 
-from cable_twin.basics.units import with_unit
-from cable_twin.frame.records import CableSamples
+from cable_twin.basics.units import counted, with_unit
+from cable_twin.frame.records import CableSamples, SupportState
 from cable_twin.mechanics.parameters import ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario
@@ -33,6 +33,8 @@ FASTEST = 15.0  # m/s: the fastest aerial tramways run at 12.5
 FASTEST_LIFT = 8.5  # m/s, on two or three ropes; chairs run at up to 6, gondolas on one rope at up to 7
 ROUGHEST = 0.1  # of rolling friction: of lined rollers 0.003 to 0.03
 LIGHTEST = 0.02  # of the mass of a vehicle, below which a payload is hardly one: of chairs and cabins 0.5 to 2
+DENSITIES = 1e3, 12e3  # kg/m^3 of the circle of a rope: of steel ropes 4500 to 8500
+DEEPEST = 0.25  # m that contacts of a tower yield under the rope at rest; those of towers yield by up to some cm
 REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from which on nothing grows, measured
 
 
@@ -54,7 +56,7 @@ def check_pressure(system: System, rope: CableSamples) -> None:
 
 
 def warn_of_units(scenario: Scenario) -> None:
-    """Warn of speeds, friction and payloads that are hardly those of a ropeway, as in km/h, in % and in t."""
+    """Warn of speeds, friction, payloads and ropes that are hardly those of a ropeway, as in km/h, in % and in t."""
     lift = ("lifts", FASTEST_LIFT) if scenario.carriers else ("ropeways", FASTEST)
     limits = {f"{scenario.drive_key(name)}.limits": (one.limits, *lift) for name, one in scenario.drives.items()}
     limits |= {
@@ -86,8 +88,29 @@ def warn_of_units(scenario: Scenario) -> None:
                 f"{key}.payload.capacity of {room:g} kg: less than {100.0 * LIGHTEST:g} % of the {empty:g} kg that "
                 f"carry it; {room:g} t are {1e3 * room:g} kg"
             )
+    for name, rope in scenario.cables.items():
+        mass, diameter = rope.mass_per_length, nan if rope.diameter is None else rope.diameter
+        if (density := mass / (0.25 * pi * diameter**2)) < DENSITIES[0] or density > DENSITIES[1]:
+            told.append(
+                f"{scenario.rope_key(name)}.mass_per_length of {mass:g} kg/m: with the diameter of {diameter:g} m a "
+                f"density of {density:.3g} kg/m^3; steel ropes have 4500 to 8500"
+            )
     for line in told:
         warnings.warn(line, stacklevel=3)
+
+
+def warn_of_soft_towers(scenario: Scenario, supports: Mapping[str, SupportState]) -> None:
+    """Warn of towers whose contacts yield so far under the rope at rest that it is not where the tower is."""
+    for name, tower in scenario.towers.items():
+        state = supports[name].tower
+        load = 0.0 if state is None else state.normal_load
+        if (depth := load / (tower.contacts * tower.stiffness)) > DEEPEST:
+            warnings.warn(
+                f"towers.{name}.stiffness of {with_unit(tower.stiffness, 'N/m')}: {counted(tower.contacts, 'contact')} "
+                f"yield by {with_unit(depth, 'm', 2)} under the {with_unit(load, 'N', 3)} at rest, and the rope hangs "
+                "so much lower; those of towers yield by some cm at most",
+                stacklevel=3,
+            )
 
 
 def warn_of_frames(system: System, rope: CableSamples, nodes: FloatArray) -> None:

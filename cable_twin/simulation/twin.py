@@ -45,6 +45,7 @@ from cable_twin.simulation.start_checks import (
     warn_of_mesh,
     warn_of_saddles,
     warn_of_short_contacts,
+    warn_of_soft_towers,
     warn_of_swings,
     warn_of_units,
     with_frames_told,
@@ -185,6 +186,7 @@ class Simulation(Queries):
                 warn_of_frames(part.system, rope, part.state.nodes.position)
                 warn_of_mesh(part.scenario, part.system)
                 warn_of_saddles(part.scenario, rope)
+                warn_of_soft_towers(part.scenario, first.supports)
                 warn_of_swings(part.scenario)
                 warn_of_short_contacts(part.scenario)
                 if scenario.solver.integrator == "generalized_alpha":

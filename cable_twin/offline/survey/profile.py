@@ -101,7 +101,7 @@ def check_terrain(file: str, points: Sequence[tuple[str, float, float]]) -> Floa
     if faults := [
         f"{file}: {points[number + 1][0]}: given x = {terrain[number + 1, 0]:g} m after {terrain[number, 0]:g} m: the "
         "terrain folds back; allowed: rising x, in m"
-        for number in np.flatnonzero(rises <= 0.0)
+        for number in np.flatnonzero(rises <= 0.0).tolist()
     ]:
         raise SurveyError("\n".join(faults))
     if not SHORTEST <= (length := float(terrain[-1, 0] - terrain[0, 0])) <= LONGEST:

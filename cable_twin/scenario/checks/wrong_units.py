@@ -90,7 +90,8 @@ def overload_faults(scenario: Scenario) -> Iterator[Fault]:
     kinds: dict[KeyPath, Carriage | CarrierKind] = {
         ("carriages", name): one for name, one in scenario.carriages.items()
     }
-    kinds |= {} if scenario.carriers is None else scenario.carriers.kinds_by_path
+    if scenario.carriers is not None:
+        kinds.update(scenario.carriers.kinds_by_path.items())
     strongest = max(ropes.values())
     for at, kind in kinds.items():
         full = sum(body.mass for body in kind.bodies.values()) + (kind.payload.capacity if kind.payload else 0.0)
