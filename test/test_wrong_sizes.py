@@ -33,6 +33,11 @@ from cable_twin.scenario import ScenarioError, load_scenario
             "sheaves.drive.radius: given 2100.0 m; allowed: a finite",
         ),
         (
+            "chairlift",
+            {"ropes.up.ice": 2000.0},
+            "ropes.up.ice: given 2000.0 kg/m; allowed: a finite number at least 0 and",
+        ),
+        (
             "aerial_tramway",
             {"towers.tower.length": 900.0, "towers.tower.radius": 2000.0},
             "towers.tower.length: given 900.0 m: it reaches over the start, 424 m away; allowed: up to 849 m",

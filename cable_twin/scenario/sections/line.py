@@ -130,7 +130,9 @@ class Cable(Section):
     )
     diameter: float | None = quantity("m", "diameter, for wind loads; null: no drag", None, gt=0)
     drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0, le=10)
-    ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
+    ice: float = quantity(
+        "kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0, le=200
+    )
     ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, ge=10, le=1000)
     thermal_expansion: float = quantity(
         "1/K",
