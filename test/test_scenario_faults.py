@@ -105,7 +105,7 @@ OF_ONE_CABLE = [
     ("cable.end.position", [0.0, 0.0], "the place of the start; allowed: another place"),
     ("cable.unstrained_length", 3.3, "a strain of 9.09 % and a tension of 129 kN; allowed: at least 3.42857 m"),
     ("cable.initial_shape", "straight", "is not straight between held ends 3.6 m apart"),
-    ("cable.ice", -0.1, "given -0.1 kg/m; allowed: a finite number at least 0, in kg/m"),
+    ("cable.ice", -0.1, "given -0.1 kg/m; allowed: a finite number at least 0 and at most 200, in kg/m"),
     ("cable.mass_damping", 0.1, "given 0.1 1/s; allowed: 0, or several `ropes`"),
     ("cable.lateral", 2.0, "given 2.0 m; allowed: 0, or several `ropes`"),
     ("pantographs", TWO_ROPES["pantographs"], "pantographs.head: given a mapping: with one cable; allowed: only with"),

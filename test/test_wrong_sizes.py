@@ -40,12 +40,17 @@ from cable_twin.scenario import ScenarioError, load_scenario
         (
             "aerial_tramway",
             {"towers.tower.length": 900.0, "towers.tower.radius": 2000.0},
-            "towers.tower.length: given 900.0 m: it reaches over the start, 424 m away; allowed: up to 849 m",
+            "towers.tower.length: given 900.0 m: it reaches over the start, 424 m away; allowed: at least 450 m betw",
         ),
         (
             "chairlift",
             {"towers.tower_2.length": 270.0, "towers.tower_2.radius": 900.0},
-            "towers.tower_2.length: given 270.0 m: it reaches over tower_1_up, 113 m away, 4.5 m long; allowed: up to",
+            "tower_2.length: given 270.0 m: it reaches over tower_1_up, 113 m away, 4.5 m long; allowed: at least 13",
+        ),
+        (
+            "chairlift",
+            {"towers.tower_2.position": [42.0, 10.0]},
+            "towers.tower_1.length: given 4.5 m: it reaches over tower_2_up, 2.06 m away, 4.5 m long; allowed: at l",
         ),
     ],
 )

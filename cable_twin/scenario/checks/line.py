@@ -231,12 +231,17 @@ def _room(scenario: Scenario) -> Iterator[Fault]:
     lengths = [0.0, *(tower.length for tower in towers.values()), 0.0]
     for number, (name, tower) in enumerate(towers.items(), start=1):
         away = {other: dist(corners[number], corners[other]) for other in (number - 1, number + 1)}
-        room = {other: 2.0 * away[other] - lengths[other] for other in away if lengths[other] <= tower.length}
-        least = min(room, key=lambda other: room[other], default=None)
-        if least is not None and 0.0 < room[least] < tower.length:
-            length = f", {lengths[least]:g} m long" if lengths[least] else ""
-            why = f"it reaches over {names[least]}, {rounded(away[least], 3)} m away{length}"
-            yield refuse(("towers", name, "length"), tower.length, f"up to {rounded(room[least], 3)} m", why)
+        over = [
+            other
+            for other, distance in away.items()
+            if lengths[other] <= tower.length and 0.0 < distance < 0.5 * (lengths[other] + tower.length)
+        ]
+        if over:
+            other = min(over, key=lambda one: away[one])
+            length = f", {lengths[other]:g} m long" if lengths[other] else ""
+            why = f"it reaches over {names[other]}, {rounded(away[other], 3)} m away{length}"
+            allowed = f"at least {rounded(0.5 * (lengths[other] + tower.length), 3)} m between them, or less length"
+            yield refuse(("towers", name, "length"), tower.length, allowed, why)
 
 
 def _contacts(path: KeyPath, tower: Tower) -> Iterator[Fault]:
