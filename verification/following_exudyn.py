@@ -11,37 +11,45 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from benchmarks.exudyn_model import load_exudyn
 from cable_twin.messages import ESTIMATE, statuses_of_message
 from cable_twin.offline import follow
 from cable_twin.recording.log_reader import read_log
 from cable_twin.terminal.command_line import Filled
-from verification import exudyn_plant
-from verification.following import Score, table
+from verification.exudyn_plant import ELEMENT, FREE_SPAN, MISSING, TRUTH, TRUTH_FILE, Trip, make
+from verification.following import HEAVIER, ROUGHER, SOFTER, Score, table
 
 SCRIPT = "- {{time: {start:g}, name: cabin, speed: {speed:g}}}\n"
 TRIPS = (4.0, 6.0), (3.0, 4.5), (3.0, 7.5)  # s, m/s: start and speed of each plant
-ELEMENTS, DURATION, FIRST = 216, 90.0, 15.0  # -, s, s: from which on estimates count
+DURATION, FIRST = 90.0, 15.0  # s, s: from which on estimates count
 BODIES = ("running_carriage", "hanger", "cabin")  # whose pitch the plant writes
-SLOW = {  # truth of slow quantities, with their units
-    "cabin/payload": (exudyn_plant.TRUTH["carriages.cabin.payload.mass"], "kg"),
-    "cabin/rolling": (exudyn_plant.TRUTH["carriages.cabin.friction.rolling"], "-"),
-    "wind/x": (0.0, "m/s"),
-    "ice": (0.0, "kg/m"),
-    "start/counterweight": (exudyn_plant.TRUTH["cable.start.mass"], "kg"),
+WRONG = {
+    "cable.mass_per_length": HEAVIER,
+    "cable.axial_stiffness": SOFTER,
+    "carriages.cabin.friction.rolling": ROUGHER,
+}
+SLOW = {  # keys of slow quantities, with their units
+    "cabin/payload": ("carriages.cabin.payload.mass", "kg"),
+    "cabin/rolling": ("carriages.cabin.friction.rolling", "-"),
+    "wind/x": ("", "m/s"),
+    "ice": ("", "kg/m"),
+    "start/counterweight": ("cable.start.mass", "kg"),
 }
 
 
 def true_values(bag: Path) -> dict[str, np.ndarray]:
-    """Times and true forces of the ends (N) and pitches (rad) of a plant."""
-    truth = json.loads((bag / exudyn_plant.TRUTH_FILE).read_text(encoding="utf-8"))
+    """Times and true forces of the ends and tensions (N), and pitches (rad) of a plant."""
+    truth = json.loads((bag / TRUTH_FILE).read_text(encoding="utf-8"))
     found = {"time": np.array(truth["time"])}
     found |= {f"{end}/force": np.linalg.norm(np.array(truth[end]), axis=1) for end in ("start", "end")}
-    pitches = np.array(truth["pitches"])
+    pitches, tensions = np.array(truth["pitches"]), np.array(truth["tensions"])
+    found |= {f"cable/{which} tension": tensions[:, row] for row, which in enumerate(("lowest", "highest"))}
     return found | {f"cabin/{body}/pitch": pitches[:, row] for row, body in enumerate(BODIES)}
 
 
@@ -57,14 +65,16 @@ def estimates(directory: Path) -> dict[str, np.ndarray]:
     return {name: np.array(rows) for name, rows in found.items()}
 
 
-def scores(plant: int, truth: dict[str, np.ndarray], found: dict[str, np.ndarray]) -> Iterator[Score]:
-    """Scores of all estimates of a plant with known truth, from `FIRST` on."""
+def scores(
+    plant: int, values: Mapping[str, float], truth: dict[str, np.ndarray], found: dict[str, np.ndarray]
+) -> Iterator[Score]:
+    """Scores of all estimates of a plant, with values by key and true values over time, from `FIRST` on."""
     for name, rows in found.items():
         if name not in truth and name not in SLOW:
             continue
-        value, unit = SLOW.get(name, (0.0, "rad" if name.endswith("pitch") else "N"))
+        key, unit = SLOW.get(name, ("", "rad" if name.endswith("pitch") else "N"))
         for time, got, deviation in rows[rows[:, 0] > FIRST]:
-            true = float(np.interp(time, truth["time"], truth[name])) if name in truth else value
+            true = float(np.interp(time, truth["time"], truth[name])) if name in truth else values.get(key, 0.0)
             yield Score(plant, float(time), name, unit, true, float(got) - true, float(deviation))
 
 
@@ -81,29 +91,46 @@ def largest(found: list[Score]) -> list[str]:
     return lines
 
 
+def followed(exudyn: Any, plant: int, options: argparse.Namespace) -> Iterator[Score]:
+    """Scores of one of the `TRIPS`.
+
+    Raises:
+        RuntimeError: Exudyn gave up, or the plant could not be followed.
+    """
+    start, speed = TRIPS[plant]
+    values = {key: value * WRONG.get(key, 1.0) if options.wrong else value for key, value in TRUTH.items()}
+    with tempfile.TemporaryDirectory() as name:
+        script, plants, twins = (Path(name) / part for part in ("trip.yaml", "plants", "twins"))
+        script.write_text(SCRIPT.format(start=start, speed=speed), encoding="utf-8")
+        tilt = not options.without_inclinometer
+        trip = Trip(script, options.duration, options.element, 1 + plant, values, tilt)
+        bag = make(exudyn, trip, plants)
+        known = {**FREE_SPAN, **TRUTH}
+        twin = [word for key, value in known.items() for word in ("--set", f"{key}={json.dumps(value)}")]
+        if follow.main([str(bag), "--scenario", "aerial_tramway", *twin, "--output", str(twins)]):
+            raise RuntimeError(f"plant {1 + plant} could not be followed")
+        (log,) = twins.iterdir()
+        yield from scores(plant, values, true_values(bag), estimates(log))
+
+
 def main() -> int:
-    """Record a plant, follow it, and print the table."""
+    """Record plants, follow them, and print the table."""
     parser = argparse.ArgumentParser(
         prog="python -m verification.following_exudyn", description=__doc__, formatter_class=Filled
     )
-    parser.add_argument("--elements", type=int, default=ELEMENTS, help=f"of the plant's rope; default: {ELEMENTS}")
+    text = f"m, of the plant's rope where its carriage goes; default: {ELEMENT:g}"
+    parser.add_argument("--element", type=float, default=ELEMENT, help=text)
     parser.add_argument("--duration", type=float, default=DURATION, help=f"s; default: {DURATION:g}")
     parser.add_argument("--plants", type=int, choices=range(1, len(TRIPS) + 1), default=len(TRIPS), help="trips")
+    text = f"plants with {HEAVIER:g} times the rope mass, {SOFTER:g} times its stiffness, and {ROUGHER:g} times the "
+    parser.add_argument("--wrong", action="store_true", help=text + "rolling friction of their twins")
+    parser.add_argument("--without-inclinometer", action="store_true", help="plants whose swing nothing measures")
     options = parser.parse_args()
-    found: list[Score] = []
-    for plant, (start, speed) in enumerate(TRIPS[: options.plants]):
-        with tempfile.TemporaryDirectory() as name:
-            script, plants, twins = (Path(name) / part for part in ("trip.yaml", "plants", "twins"))
-            script.write_text(SCRIPT.format(start=start, speed=speed), encoding="utf-8")
-            values = {"script": script, "duration": options.duration, "elements": options.elements, "log": plants}
-            values["seed"] = 1 + plant
-            if code := exudyn_plant.main([word for key, value in values.items() for word in (f"--{key}", str(value))]):
-                return code
-            (bag,) = plants.iterdir()
-            if code := follow.main([str(bag), "--output", str(twins)]):
-                return code
-            (log,) = twins.iterdir()
-            found += scores(plant, true_values(bag), estimates(log))
+    exudyn = load_exudyn()
+    if exudyn is None:
+        print(f"following_exudyn: {MISSING}", file=sys.stderr)
+        return 2
+    found = [score for plant in range(options.plants) for score in followed(exudyn, plant, options)]
     print("\n".join([*table(found), "", *largest(found)]))
     return 0
 
