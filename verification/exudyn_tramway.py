@@ -30,7 +30,7 @@ from cable_twin.simulation import Simulation
 
 CARRIAGE = "cabin"
 SETTLING, SETTLING_STEP = 20.0, 0.05  # s
-ROPE_DAMPING, BODY_DAMPING = 1e3, 2e4  # N s/m of a node; N s/m and N m s of a body: to find a rest
+ROPE_DAMPING, BODY_DAMPING = 50.0, 5e3  # N s/m of a metre; N s/m and N m s of a body: to find a rest, about critical
 PRESLIDING = 1e-3  # m, over which rolling friction builds up
 TOLERANCE = 1e-4  # N and m, of Newton's method: rounding of a place of 1 km is 1e-5 N in an element of 1 m
 BESIDE = 2.0  # m: from where on a rope does not feel the bend below a carriage any more
@@ -141,10 +141,11 @@ class Tramway:
         self._add_haul_rope()
         self._drag = self._load(self._middle)
         self._rub, self._on_nodes = self._load(self._grip), [self._load(marker) for marker in self._markers]
+        widths = np.gradient(places)
+        rope = [(node, 2, ROPE_DAMPING * float(width)) for node, width in zip(self._nodes, widths, strict=True)]
         self._dampers = [
             self._damper(node, coordinate, damping)
-            for nodes, coordinates, damping in ((self._nodes, 2, ROPE_DAMPING), (self._bodies, 3, BODY_DAMPING))
-            for node in nodes
+            for node, coordinates, damping in (*rope, *((body, 3, BODY_DAMPING) for body in self._bodies))
             for coordinate in range(coordinates)
         ]
         self._system.Assemble()
@@ -228,6 +229,7 @@ class Tramway:
 
     def _renew(self, system: Any, passing: float, drum: Drum) -> None:
         """Set constraints and forces of a step of length `passing` (s), at whose end the drum moves so."""
+        pressed = float(system.GetObjectOutput(self._joints[self._joined], self._exudyn.OutputVariableType.Force))
         places, rates, _ = self._now(system)
         now = self._moment(places)
         ahead = self._moment(places + passing * rates)
@@ -244,7 +246,7 @@ class Tramway:
         offset = now.hauled - hauled @ before + hauled @ left
         self._set(self._haul, scalingMarker0=[hauled @ by_body], offset=[offset])
         self._pull(place, drum)
-        self._resist(system, place, along)
+        self._resist(system, place, along, abs(pressed))
 
     def _hold(self, system: Any, place: float, normal: FloatArray, by_body: FloatArray, left: FloatArray) -> None:
         """Hold the carriage on the rope, at an arc length (m) and with a normal (2,)."""
@@ -277,16 +279,17 @@ class Tramway:
         """Set mass, spring and damper of the haul rope between the drum and an arc length (m)."""
         damping = self._haul_damping(place)
         share = self._carriage.drive.haul_rope.mass_per_length * self._haul_length(place) / 6.0
-        self._set(self._haul_mass, physicsMass=2.0 * share)
+        self._set(self._haul_mass, mass=2.0 * share)
         self._set(self._spring, stiffness=self._stiffness(place), damping=damping, offset=self._stretch + drum.way)
         self._system.SetLoadParameter(self._on_haul, "load", damping * drum.speed - share * drum.acceleration)
 
-    def _resist(self, system: Any, place: float, along: FloatArray) -> None:
-        """Set rolling friction and drag of a step, at whose end the carriage is at an arc length (m)."""
+    def _resist(self, system: Any, place: float, along: FloatArray, normal: float) -> None:
+        """Set rolling friction and drag of a step, at whose end the carriage is at an arc length (m).
+
+        `along` is the direction of the rope there, `normal` the force (N) of the carriage across it.
+        """
         self._mobilised = self._dahl(self._place - self._rolled)
         self._rolled = self._place
-        kinds = self._exudyn.OutputVariableType
-        normal = abs(float(system.GetObjectOutput(self._joints[self._joined], kinds.Force)))
         force = -self._rolling * normal * self._dahl(place - self._place) * along
         self._system.SetLoadParameter(self._rub, "loadVector", [*force, 0.0])
         element = self._rope.element(place)
@@ -297,7 +300,7 @@ class Tramway:
         for node, part in ((element, 1.0 - share), (element + 1, share)):
             self._system.SetLoadParameter(self._on_nodes[node], "loadVector", [*(-part * force), 0.0])
         self._rubbed = element
-        wind = np.array(system.GetMarkerOutput(self._middle, kinds.Velocity))[:2]
+        wind = np.array(system.GetMarkerOutput(self._middle, self._exudyn.OutputVariableType.Velocity))[:2]
         drag = -0.5 * self._scenario.air.density * self._area * float(np.linalg.norm(wind)) * wind
         self._system.SetLoadParameter(self._drag, "loadVector", [*drag, 0.0])
 
@@ -459,7 +462,7 @@ class Tramway:
         """Mass and spring of the haul rope on a coordinate of its own, which goes where the carriage goes."""
         system, items = self._system, self._items
         self._hauled = system.AddNode(items.Node1D())
-        self._haul_mass = system.AddObject(items.ObjectMass1D(physicsMass=1.0, nodeNumber=self._hauled))
+        self._haul_mass = system.AddObject(items.ObjectMass1D(mass=1.0, nodeNumber=self._hauled))
         way = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=self._hauled, coordinate=0))
         self._spring = system.AddObject(items.ObjectConnectorCoordinateSpringDamper(markerNumbers=[self._held, way]))
         self._on_haul = system.AddLoad(items.LoadCoordinate(markerNumber=way, load=0.0))
