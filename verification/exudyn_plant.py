@@ -108,8 +108,60 @@ def mesh(length: float, farthest: float, element: float) -> FloatArray:
     return np.concatenate([near, far[1:]]) if length > fine else near
 
 
-def record(scenario: Scenario, simulation: Simulation, course: Course, rows: list[Row], directory: Path) -> Path:
-    """Write a bag with the noisy measurements of a plant, and its true values beside it; returns its directory."""
+class Plan(NamedTuple):
+    """What a plant does, and how it is made."""
+
+    script: Path  # commands, as of `simulate`, at times alone
+    duration: float  # s
+    element: float = ELEMENT  # m, of the rope where the carriage goes
+    values: Mapping[str, float] = TRUTH  # of the plant, by key of the scenario
+
+
+class Trip(NamedTuple):
+    """What a plant has done."""
+
+    values: Mapping[str, float]  # by key of the scenario
+    course: Course
+    rows: list[Row]
+
+
+def travel(exudyn: Any, plan: Plan) -> Trip:
+    """Run a plant in Exudyn.
+
+    Raises:
+        RuntimeError: Exudyn gave up.
+    """
+    base, rows = load_scenario("aerial_tramway", {**FREE_SPAN, **plan.values}), []
+    course = course_of(base, plan.script, plan.duration)
+    farthest = base.carriages[CARRIAGE].arc_length + float(course.way.max())
+    nodes = mesh(base.cable.unstrained_length, farthest, plan.element)
+    plant = Tramway(exudyn, Simulation(base), nodes, base.solver.step)
+    began = clock.process_time()
+    with run_progress(Console(stderr=True), 0.0, plan.duration) as show:
+
+        def take(row: Row) -> None:
+            rows.append(row)
+            show(row.time)
+
+        plant.rest()
+        plant.run(course.drum, plan.duration, 1.0 / RATE, take)
+    spent = clock.process_time() - began
+    print(f"Exudyn: {nodes.size - 1} elements, {plan.duration:g} s in {spent:.0f} s of a core")
+    return Trip(plan.values, course, rows)
+
+
+def record(trip: Trip, directory: Path, seed: int, *, inclinometer: bool = True) -> Path:
+    """Write a bag with noisy measurements of a trip, and its true values beside it; returns its directory.
+
+    Raises:
+        RuntimeError: something was not recorded.
+    """
+    bare = load_scenario("aerial_tramway", {**FREE_SPAN, **trip.values})
+    usual = sensors_of(Simulation(bare).snapshot, bare, seed)
+    if not inclinometer:
+        usual.pop(INCLINOMETER)
+    scenario = load_scenario("aerial_tramway", {**FREE_SPAN, **trip.values, "sensors": usual})
+    simulation = Simulation(scenario)
     topics = [
         Topic(SCENARIO, String.__msgtype__),
         Topic(APPLIED_COMMANDS, JointState.__msgtype__),
@@ -124,11 +176,11 @@ def record(scenario: Scenario, simulation: Simulation, course: Course, rows: lis
         names=TopicNames(remapped=plant_names(scenario)),
     )
     output, epoch_ns = SensorOutput(scenario, simulation.layout, FrameNames()), clock.time_ns()
-    draws = np.random.default_rng(next(iter(scenario.sensors.values())).seed)
+    draws = np.random.default_rng(seed)
     messages = [
-        (applied.time, APPLIED_COMMANDS, applied_command_message(applied, epoch_ns)) for applied in course.commands
+        (applied.time, APPLIED_COMMANDS, applied_command_message(applied, epoch_ns)) for applied in trip.course.commands
     ]
-    for row in rows:
+    for row in trip.rows:
         for name, sensor in scenario.sensors.items():
             noise, late, lost = sensor.noise * draws.standard_normal(), JITTER * draws.random(), draws.random() < LOST
             if sensor.kind == "encoder":
@@ -153,55 +205,9 @@ def record(scenario: Scenario, simulation: Simulation, course: Course, rows: lis
     run.close()
     if run.recorder.dropped or run.recorder.faults:
         raise RuntimeError("; ".join([f"{run.recorder.dropped} messages were not recorded", *run.recorder.faults]))
-    columns = list(zip(*rows, strict=True))
+    columns = list(zip(*trip.rows, strict=True))
     (run.directory / TRUTH_FILE).write_text(json.dumps(dict(zip(Row._fields, columns, strict=True))), encoding="utf-8")
     return run.directory
-
-
-class Trip(NamedTuple):
-    """What a plant does, and how it is made."""
-
-    script: Path  # commands, as of `simulate`, at times alone
-    duration: float  # s
-    element: float = ELEMENT  # m, of the rope where the carriage goes
-    seed: int = 1  # of the noise
-    values: Mapping[str, float] = TRUTH  # of the plant, by key of the scenario
-    inclinometer: bool = True
-
-
-def make(exudyn: Any, trip: Trip, directory: Path) -> Path:
-    """Run a plant on a trip and record it; returns the directory of its bag.
-
-    Args:
-        exudyn: the module.
-        trip: of the plant.
-        directory: in which the bag gets one of its own.
-
-    Raises:
-        RuntimeError: Exudyn gave up, or something was not recorded.
-    """
-    base = load_scenario("aerial_tramway", {**FREE_SPAN, **trip.values})
-    simulation = Simulation(base)
-    usual = sensors_of(simulation.snapshot, base, trip.seed)
-    if not trip.inclinometer:
-        usual.pop(INCLINOMETER)
-    scenario = load_scenario("aerial_tramway", {**FREE_SPAN, **trip.values, "sensors": usual})
-    course = course_of(base, trip.script, trip.duration)
-    farthest = base.carriages[CARRIAGE].arc_length + float(course.way.max())
-    nodes, rows = mesh(base.cable.unstrained_length, farthest, trip.element), []
-    plant = Tramway(exudyn, simulation, nodes, base.solver.step)
-    began = clock.process_time()
-    with run_progress(Console(stderr=True), 0.0, trip.duration) as show:
-
-        def take(row: Row) -> None:
-            rows.append(row)
-            show(row.time)
-
-        plant.rest()
-        plant.run(course.drum, trip.duration, 1.0 / RATE, take)
-    spent = f"{trip.duration:g} s in {clock.process_time() - began:.0f} s of a core"
-    print(f"Exudyn: {nodes.size - 1} elements, {spent}, {len(usual)} sensors")
-    return record(scenario, Simulation(scenario), course, rows, directory)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -220,8 +226,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if exudyn is None:
         print(f"exudyn_plant: {MISSING}", file=sys.stderr)
         return 2
-    trip = Trip(options.script, options.duration, options.element, options.seed)
-    print(f"bag: {make(exudyn, trip, options.log)}")
+    trip = travel(exudyn, Plan(options.script, options.duration, options.element))
+    print(f"bag: {record(trip, options.log, options.seed)}")
     return 0
 
 

@@ -22,12 +22,13 @@ from cable_twin.messages import ESTIMATE, statuses_of_message
 from cable_twin.offline import follow
 from cable_twin.recording.log_reader import read_log
 from cable_twin.terminal.command_line import Filled
-from verification.exudyn_plant import ELEMENT, FREE_SPAN, MISSING, TRUTH, TRUTH_FILE, Trip, make
+from verification.exudyn_plant import ELEMENT, FREE_SPAN, MISSING, TRUTH, TRUTH_FILE, Plan, Trip, record, travel
 from verification.following import HEAVIER, ROUGHER, SOFTER, Score, table
 
 SCRIPT = "- {{time: {start:g}, name: cabin, speed: {speed:g}}}\n"
 TRIPS = (4.0, 6.0), (3.0, 4.5), (3.0, 7.5)  # s, m/s: start and speed of each plant
 DURATION, FIRST = 90.0, 15.0  # s, s: from which on estimates count
+SEEDS = 3  # of the noise, for each trip
 BODIES = ("running_carriage", "hanger", "cabin")  # whose pitch the plant writes
 WRONG = {
     "cable.mass_per_length": HEAVIER,
@@ -91,26 +92,30 @@ def largest(found: list[Score]) -> list[str]:
     return lines
 
 
-def followed(exudyn: Any, plant: int, options: argparse.Namespace) -> Iterator[Score]:
-    """Scores of one of the `TRIPS`.
-
-    Raises:
-        RuntimeError: Exudyn gave up, or the plant could not be followed.
-    """
-    start, speed = TRIPS[plant]
+def trip_of(exudyn: Any, number: int, options: argparse.Namespace) -> Trip:
+    """One of the `TRIPS` in Exudyn."""
+    start, speed = TRIPS[number]
     values = {key: value * WRONG.get(key, 1.0) if options.wrong else value for key, value in TRUTH.items()}
     with tempfile.TemporaryDirectory() as name:
-        script, plants, twins = (Path(name) / part for part in ("trip.yaml", "plants", "twins"))
+        script = Path(name) / "trip.yaml"
         script.write_text(SCRIPT.format(start=start, speed=speed), encoding="utf-8")
-        tilt = not options.without_inclinometer
-        trip = Trip(script, options.duration, options.element, 1 + plant, values, tilt)
-        bag = make(exudyn, trip, plants)
-        known = {**FREE_SPAN, **TRUTH}
-        twin = [word for key, value in known.items() for word in ("--set", f"{key}={json.dumps(value)}")]
+        return travel(exudyn, Plan(script, options.duration, options.element, values))
+
+
+def followed(trip: Trip, seed: int, *, inclinometer: bool = True) -> list[Score]:
+    """Scores of a trip whose sensors have the noise of a seed, by a twin with the values of `TRUTH`.
+
+    Raises:
+        RuntimeError: the plant could not be followed.
+    """
+    twin = [word for key, value in {**FREE_SPAN, **TRUTH}.items() for word in ("--set", f"{key}={json.dumps(value)}")]
+    with tempfile.TemporaryDirectory() as name:
+        plants, twins = Path(name) / "plants", Path(name) / "twins"
+        bag = record(trip, plants, seed, inclinometer=inclinometer)
         if follow.main([str(bag), "--scenario", "aerial_tramway", *twin, "--output", str(twins)]):
-            raise RuntimeError(f"plant {1 + plant} could not be followed")
+            raise RuntimeError(f"the trip with seed {seed} could not be followed")
         (log,) = twins.iterdir()
-        yield from scores(plant, values, true_values(bag), estimates(log))
+        return list(scores(seed, trip.values, true_values(bag), estimates(log)))
 
 
 def main() -> int:
@@ -121,17 +126,24 @@ def main() -> int:
     text = f"m, of the plant's rope where its carriage goes; default: {ELEMENT:g}"
     parser.add_argument("--element", type=float, default=ELEMENT, help=text)
     parser.add_argument("--duration", type=float, default=DURATION, help=f"s; default: {DURATION:g}")
-    parser.add_argument("--plants", type=int, choices=range(1, len(TRIPS) + 1), default=len(TRIPS), help="trips")
+    parser.add_argument("--trips", type=int, choices=range(1, len(TRIPS) + 1), default=len(TRIPS), help="of Exudyn")
+    parser.add_argument("--seeds", type=int, default=SEEDS, help=f"of the noise, for each trip; default: {SEEDS}")
     text = f"plants with {HEAVIER:g} times the rope mass, {SOFTER:g} times its stiffness, and {ROUGHER:g} times the "
     parser.add_argument("--wrong", action="store_true", help=text + "rolling friction of their twins")
-    parser.add_argument("--without-inclinometer", action="store_true", help="plants whose swing nothing measures")
     options = parser.parse_args()
     exudyn = load_exudyn()
     if exudyn is None:
         print(f"following_exudyn: {MISSING}", file=sys.stderr)
         return 2
-    found = [score for plant in range(options.plants) for score in followed(exudyn, plant, options)]
-    print("\n".join([*table(found), "", *largest(found)]))
+    found, blind, number = [], [], 0
+    for one in range(options.trips):
+        trip = trip_of(exudyn, one, options)
+        for _ in range(options.seeds):
+            number += 1
+            found += followed(trip, number)
+        blind += followed(trip, number, inclinometer=False)
+    swings = largest([one for one in blind if one.unit == "rad"])
+    print("\n".join([*table(found), "", *largest(found), "", "without an inclinometer:", *swings]))
     return 0
 
 
