@@ -44,6 +44,7 @@ TRUTH = {
     "cable.damping_time": 0.006,
 }
 ELEMENT, FAR_ELEMENT, MARGIN = 1.0, 5.0, 10.0  # m, of the rope: where the carriage goes and beyond, and how far beyond
+JUMP = 0.05  # m/s^2, of the drum's acceleration from one step to the next: more than by its jerk
 RATE, JITTER, LOST = 10.0, 0.05, 0.02  # Hz, s, share
 QUANTUM, SHARE, TILT = 0.01, 0.002, math.radians(0.3)  # m, of the load or limit, rad: noise of sensors
 TRUTH_FILE = "truth.json"  # beside the bag: what the sensors would have measured without noise, and all pitches
@@ -97,15 +98,23 @@ def course_of(scenario: Scenario, script: Path, duration: float) -> Course:
             commands.append(AppliedCommand(time, command, "script"))
         speed[number] = snapshot.columns.reference_speed[0]
     way = np.concatenate([[0.0], np.cumsum(0.5 * step * (speed[1:] + speed[:-1]))])
-    return Course(commands, step * np.arange(steps + 1), way, speed, np.gradient(speed, step))
+    before = np.diff(speed, prepend=speed[0]) / step
+    after = np.append(before[1:], before[-1])
+    smooth = np.abs(after - before) < JUMP  # else a new acceleration sets in after this time
+    return Course(commands, step * np.arange(steps + 1), way, speed, np.where(smooth, 0.5 * (before + after), before))
 
 
-def mesh(length: float, farthest: float, element: float) -> FloatArray:
-    """Arc lengths (m) of the nodes of a rope: elements of a length (m) up to the farthest place of the carriage."""
-    fine = min(farthest + MARGIN, length)
-    near = np.linspace(0.0, fine, math.ceil(fine / element) + 1)
-    far = np.linspace(fine, length, max(math.ceil((length - fine) / max(FAR_ELEMENT, element)), 1) + 1)
-    return np.concatenate([near, far[1:]]) if length > fine else near
+def mesh(length: float, place: float, farthest: float, element: float) -> FloatArray:
+    """Arc lengths (m) of the nodes of a rope: elements of a length (m) up to the farthest place of the carriage.
+
+    One node is where the carriage stands at first: elsewhere elements would hold it too high, and pull it along the
+    rope by up to 160 N, which cancels out over an element as it moves.
+    """
+    before = np.linspace(0.0, place, math.ceil(place / element) + 1)
+    after = place + element * np.arange(1, math.ceil((farthest + MARGIN - place) / element) + 1)
+    near = np.concatenate([before, after[after < length - 0.5 * element]])
+    far = np.linspace(near[-1], length, math.ceil((length - near[-1]) / max(FAR_ELEMENT, element)) + 1)
+    return np.concatenate([near, far[1:]])
 
 
 class Plan(NamedTuple):
@@ -133,8 +142,8 @@ def travel(exudyn: Any, plan: Plan) -> Trip:
     """
     base, rows = load_scenario("aerial_tramway", {**FREE_SPAN, **plan.values}), []
     course = course_of(base, plan.script, plan.duration)
-    farthest = base.carriages[CARRIAGE].arc_length + float(course.way.max())
-    nodes = mesh(base.cable.unstrained_length, farthest, plan.element)
+    place = base.carriages[CARRIAGE].arc_length
+    nodes = mesh(base.cable.unstrained_length, place, place + float(course.way.max()), plan.element)
     plant = Tramway(exudyn, Simulation(base), nodes, base.solver.step)
     began = clock.process_time()
     with run_progress(Console(stderr=True), 0.0, plan.duration) as show:
