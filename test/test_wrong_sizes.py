@@ -50,7 +50,7 @@ from cable_twin.scenario import ScenarioError, load_scenario
         (
             "chairlift",
             {"towers.tower_2.position": [42.0, 10.0]},
-            "towers.tower_1.length: given 4.5 m: it reaches over tower_2_up, 2.06 m away, 4.5 m long; allowed: at l",
+            "towers.tower_2.length: given 4.5 m: it reaches over tower_1_up, 2.06 m away, 4.5 m long; allowed: at l",
         ),
     ],
 )

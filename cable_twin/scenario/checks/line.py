@@ -234,7 +234,8 @@ def _room(scenario: Scenario) -> Iterator[Fault]:
         over = [
             other
             for other, distance in away.items()
-            if lengths[other] <= tower.length and 0.0 < distance < 0.5 * (lengths[other] + tower.length)
+            if (lengths[other], other) < (tower.length, number)  # of two that are equally long told once
+            and 0.0 < distance < 0.5 * (lengths[other] + tower.length)
         ]
         if over:
             other = min(over, key=lambda one: away[one])
