@@ -100,7 +100,7 @@ class LiveFollowing(Companion):
 
     def readmit(self, sensor: str, message: bytes) -> str:
         """Let a sensor count again that is left out or swapped, by a message; returns why it cannot, or nothing."""
-        doubted = (*self._last.left_out, *self._last.swapped)
+        doubted = {**self._last.left_out, **self._last.swapped}
         if sensor not in doubted:
             allowed = f"a sensor that is left out or swapped: {', '.join(doubted)}" if doubted else NONE_OUT
             return f"readmit: given '{printable(sensor)}'; allowed: {allowed}"
