@@ -108,7 +108,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         survey = _read(options)
         changes = dict(options.set)
         tree = KINDS[options.type](survey, ends_of(survey, options.start, options.end), changes)
-        scenario = load_scenario({"name": options.output.stem, **plain(tree)}, changes)
+        content = {"name": options.output.stem, **plain(tree)}
+        scenario = load_scenario(content, changes, label=str(options.output))
     except (SurveyError, ScenarioError) as error:
         return fail("import_profile", error, UNUSABLE)
     for note in survey.notes:

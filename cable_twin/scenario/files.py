@@ -47,13 +47,16 @@ class ScenarioError(ValueError):
         return "\n".join(self.faults)
 
 
-def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None) -> Scenario:
+def load_scenario(
+    source: str | Path | Mapping[str, Any], overrides: Mapping[str, Any] | None = None, *, label: str = "mapping"
+) -> Scenario:
     """Read a scenario by name, from a file or from a mapping.
 
     Args:
         source: name of a scenario in the config directory, path of a YAML file, or the content of one.
         overrides: values by dotted key, as in `{"cable.elements": 48, "wind.x": 12.0}`; a key may end in a list, with
             an axis or a number from 0 on, and a whole named section may be new.
+        label: what a mapping is called in errors.
 
     Returns:
         The scenario, with defaults for keys that are not given.
@@ -62,7 +65,7 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str
         ScenarioError: the scenario is invalid; one line for each fault.
     """
     if isinstance(source, Mapping):
-        return _build("mapping", "custom", source, [], overrides or {})
+        return _build(label, "custom", source, [], overrides or {})
     file = scenario_file(source)
     return _build(str(file), file.stem, *_read(file), overrides or {})
 
