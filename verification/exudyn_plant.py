@@ -44,6 +44,7 @@ TRUTH = {
     "cable.damping_time": 0.006,
 }
 ELEMENT, FAR_ELEMENT, MARGIN = 1.0, 5.0, 10.0  # m, of the rope: where the carriage goes and beyond, and how far beyond
+SLOW_SHARE, SLOW_WAY = 0.25, 25.0  # of an element, and m from the start, where the carriage is slow
 JUMP = 0.05  # m/s^2, of the drum's acceleration from one step to the next: more than by its jerk
 RATE, JITTER, LOST = 10.0, 0.05, 0.02  # Hz, s, share
 QUANTUM, SHARE, TILT = 0.01, 0.002, math.radians(0.3)  # m, of the load or limit, rad: noise of sensors
@@ -107,12 +108,16 @@ def course_of(scenario: Scenario, script: Path, duration: float) -> Course:
 def mesh(length: float, place: float, farthest: float, element: float) -> FloatArray:
     """Arc lengths (m) of the nodes of a rope: elements of a length (m) up to the farthest place of the carriage.
 
-    One node is where the carriage stands at first: elsewhere elements would hold it too high, and pull it along the
-    rope by up to 160 N, which cancels out over an element as it moves.
+    Between two nodes they hold the carriage too high, and pull it along the rope by up to 160 N one way and the other,
+    which cancels out where it passes some nodes a second. So one node is where the carriage stands at first, and
+    elements are shorter from there on until it is faster.
     """
-    before = np.linspace(0.0, place, math.ceil(place / element) + 1)
-    after = place + element * np.arange(1, math.ceil((farthest + MARGIN - place) / element) + 1)
-    near = np.concatenate([before, after[after < length - 0.5 * element]])
+    short, slow = SLOW_SHARE * element, min(place + SLOW_WAY, farthest + MARGIN)
+    before = np.linspace(0.0, place, math.ceil(place / short) + 1)
+    starting = place + short * np.arange(1, math.ceil((slow - place) / short) + 1)
+    beyond = np.arange(starting[-1] + element, farthest + MARGIN + element, element)
+    near = np.concatenate([before, starting, beyond])
+    near = near[near < length - 0.5 * element]
     far = np.linspace(near[-1], length, math.ceil((length - near[-1]) / max(FAR_ELEMENT, element)) + 1)
     return np.concatenate([near, far[1:]])
 

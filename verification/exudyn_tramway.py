@@ -14,7 +14,8 @@ some 100 m from the origin, and in its default one the force on the rope is ahea
 
 The haul rope is a coordinate w (m) with mass, spring and damper of its own. From one step to the next there are, as
 forces: rolling friction by Dahl's law, which acts on the rope at the two nodes beside the carriage, and the drag of the
-cabin. The rope has no drag.
+cabin. The rope has no drag, and no damping of bending: what that takes in the bend below a carriage grows as elements
+become shorter, and in this program it is part of rolling friction.
 """
 
 from __future__ import annotations
