@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.boarding import Boarding
+from cable_twin.ensemble.estimate.detectors.biases import Biases
 from cable_twin.ensemble.estimate.follower import Follower
 from cable_twin.ensemble.estimate.kalman import Belief, reset
 from cable_twin.frame.records import AppliedCommand, Command
@@ -88,3 +89,14 @@ def test_members_are_loaded_alike_near_the_capacity():
     blended, given = boarding.apart(points, wanted, np.zeros(1), np.full(1, 6400.0))
     np.testing.assert_array_equal(blended, points)
     np.testing.assert_allclose(given - points, 34.0)
+
+
+def test_a_wind_that_is_found_while_a_plant_stands_is_no_boarding():
+    """Of two windows with one payload the first did not know the wind yet, -13 m/s, which adds as much as -650 kg."""
+    boarding, rows = Boarding(np.array([1800.0, 5.0]), 0, {0: 0}), [0]
+    for wind in (0.0, -13.0):
+        belief = Belief(np.array([3000.0, wind]), np.diag([1800.0, 5.0 + wind / 3.0]) ** 2)
+        terms = np.full(20, 50.0 * (-13.0 - wind)), np.tile([1.0, 50.0], (20, 1)), np.full(20, 30.0**2)
+        assert not boarding.look(rows, terms, belief, Biases({}, 2), False)
+    terms = np.full(20, 400.0), *terms[1:]  # kg that board
+    assert boarding.look(rows, terms, belief, Biases({}, 2), False)

@@ -41,7 +41,7 @@ class Boarding:
         self._rows: list[int] = []
         self._carried = self._loaded = np.zeros(0)  # kg, by the members now, and since the last window
         self._before = np.zeros(0)  # kg, payloads before they changed
-        self._seen: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=WINDOWS)  # payloads, and variances by noise
+        self._seen: deque[tuple[FloatArray, Terms]] = deque(maxlen=WINDOWS)  # means and measurements of windows
         self._known: deque[tuple[Belief, Biases]] = deque(maxlen=WINDOWS)  # before these windows
 
     @property
@@ -106,13 +106,11 @@ class Boarding:
             self._rows = rows
         if contradicted and not (self.changing or self._agreed):
             self._seen.clear()  # a sensor is wrong, and with it the payloads
-        innovation, jacobian, variance = terms
-        gain = gain_of(self.doubted(rows, belief), jacobian, variance)[rows]
-        self._seen.append((belief.mean[rows] + gain @ innovation, (gain**2) @ variance))
+        self._seen.append((belief.mean.copy(), terms))
         if not self.changing:
             self._known.append((belief, deepcopy(biases)))
-        values, variances = self._seen[-1]
-        moved = any((np.abs(values - one) > SURELY * np.sqrt(variances + own)).any() for one, own in self._seen)
+        *earlier, (values, variances) = self._payloads(belief)
+        moved = any((np.abs(values - one) > SURELY * np.sqrt(variances + own)).any() for one, own in earlier)
         begins = not self.changing and (moved or (contradicted and self._agreed and not self._settled))
         self._agreed = not contradicted
         if begins:
@@ -122,6 +120,20 @@ class Boarding:
             self.changing, self._settled = False, True
             self._known.clear()
         return begins
+
+    def _payloads(self, belief: Belief) -> list[tuple[FloatArray, FloatArray]]:
+        """Payloads (kg) by each of the last windows alone, with variances by noise, all else as it is believed now.
+
+        What a window says of a payload depends on wind, ice and friction: of those that were believed then, as of a
+        wind that was not known yet, two windows would differ although nobody has boarded.
+        """
+        found, doubted = list[tuple[FloatArray, FloatArray]](), self.doubted(self._rows, belief)
+        for mean, (innovation, jacobian, variance) in self._seen:
+            apart = belief.mean - mean
+            apart[[*self._rows, *self._swings]] = 0.0  # each window has its own
+            gain = gain_of(doubted, jacobian, variance)[self._rows]
+            found.append((mean[self._rows] + gain @ (innovation - jacobian @ apart), (gain**2) @ variance))
+        return found
 
     @property
     def before(self) -> tuple[Belief, Biases]:
