@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.detectors.biases import Biases
+from cable_twin.ensemble.estimate.detectors.encoder_zeros import Displaced
 from cable_twin.ensemble.estimate.detectors.sensor_faults import Doubts
+from cable_twin.ensemble.estimate.detectors.windows import Row
 from cable_twin.ensemble.estimate.kalman import Belief
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
 from cable_twin.frame.sensors import Sensors, standard_sensors
@@ -79,3 +81,16 @@ def test_a_load_cell_that_is_wrong_unless_another_one_is_is_told_once_and_not_le
     (told,) = [alarm.reason for time in (1.0, 2.0) for alarm in biases.judge(time, belief, doubts)[1]]
     assert told.startswith("sensor other seems to be wrong by 1 N: ")
     assert not doubts.left_out
+
+
+def test_waves_of_a_displaced_carriage_are_no_effects_of_its_place():
+    """A force that grows by 3 kN/m, beside waves of 500 N that the member that is elsewhere alone has."""
+    scenario = load_scenario("aerial_tramway", COARSE)
+    sensors = standard_sensors(scenario, (start := Simulation(scenario)).snapshot)
+    displaced = Displaced(load_scenario(scenario.resolved(), {"sensors": sensors}), 1, start.layout)
+    place = int(start.layout.places.arc_length[0])
+    numbers = np.zeros((2, place + 1))
+    numbers[1, place] = 0.1
+    waves = 500.0 * np.sin(0.2 * np.pi * np.arange(20))
+    rows = [Row("force_cabin", 0.0, np.array([0.0, 300.0 + wave]), 1.0, numbers) for wave in waves]
+    np.testing.assert_allclose(displaced.effects(rows)["encoder_cabin"], -3000.0, rtol=1e-9)

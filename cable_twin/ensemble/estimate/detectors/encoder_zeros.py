@@ -79,13 +79,16 @@ class Displaced:
     def effects(self, rows: Sequence[Row]) -> dict[str, FloatArray]:
         """Change of each measurement (k,) of a window by 1 m of error in the zero of an encoder, by the encoder's name.
 
-        That of the encoder's own measurement by itself is left out.
+        That of the encoder's own measurement by itself is left out. Ropes wave otherwise in the member that is
+        elsewhere, as after people have boarded, which is no effect of its place: the mean of each sensor counts.
         """
-        found = {}
+        found, sensors = {}, np.array([row.sensor for row in rows])
         for member, place, name in zip(self.members, self._places, self.encoders, strict=True):
             away = np.array([row.numbers[member, place] - row.numbers[0, place] for row in rows])
             more = np.array([row.predicted[member] - row.predicted[0] for row in rows])
             found[name] = -np.divide(more, away, out=np.zeros_like(more), where=np.abs(away) > LEAST)
+            for sensor in {*sensors.tolist()}:
+                found[name][sensors == sensor] = found[name][sensors == sensor].mean()
         return found
 
 
