@@ -344,7 +344,8 @@ def test_waves_of_carriages_that_begin_to_roll_are_expected():
     assert scatter.lasting("force") > 500.0**2
     assert scatter.lasting("load") == 0.0
     for _ in range(20):
-        scatter.note(2.0, ["force"] * 20, np.random.default_rng(1).standard_normal(20), np.full(20, 300.0**2))
+        seen = np.random.default_rng(1).standard_normal(20)
+        scatter.note(2.0, ["force"] * 20, seen, np.full(20, 300.0**2), seen)
     assert scatter.lasting("force") == 0.0
 
 
@@ -359,7 +360,8 @@ def test_waves_are_told_from_noise_and_from_a_jump():
             "wrong": noise + 50.0 * (time > 10.4),
             "shaken": noise + 4.0 * np.sin(5.7 * time),
         }
-        scatter.note(2.0, np.repeat([*measured], 20).tolist(), np.concatenate([*measured.values()]), np.ones(60))
+        seen = np.concatenate([*measured.values()])
+        scatter.note(2.0, np.repeat([*measured], 20).tolist(), seen, np.ones(60), seen)
         assert scatter.unexplained("wrong") == 0.0
     assert scatter.unexplained("noisy") < 1.0
     assert scatter.unexplained("shaken") == pytest.approx(8.0, rel=0.3)

@@ -296,7 +296,7 @@ class Follower:
             terms, before = self._linear(used), self._belief
             innovation = normalised_square(*terms, before.covariance) / len(used)
             self._belief = update(before, *terms)
-            self._note_scatter(time - self._since)  # about the corrected model; it counts in this window already
+            self._note_scatter(time - self._since, before)  # it counts in this window already
             self._belief = before
             terms = self._linear(used)
             self._belief = update(before, *terms)
@@ -361,9 +361,9 @@ class Follower:
             self._rows = [row._replace(variance=self._variance(self.readings[row.sensor])) for row in self._rows]
         self._belief.mean[rows] = self._points[0, rows]  # of the belief from before
         self._belief = self._boarding.doubted(rows, self._belief)
-        taken = self._linear(self._rows), [row.sensor for row in self._rows]
+        taken, doubted = (self._linear(self._rows), [row.sensor for row in self._rows]), self._belief
         self._belief = self._boarding.take(*taken, self._belief, self._biases)
-        self._note_scatter(time - self._since)
+        self._note_scatter(time - self._since, doubted)
         return True
 
     def _rest_where_believed(self, time: float) -> bool:
@@ -533,11 +533,13 @@ class Follower:
         alike = [name for name, one in self.readings.items() if one.unit == unit]
         return max(map(self._scatter.unexplained, alike), default=0.0)
 
-    def _note_scatter(self, lasted: float) -> None:
-        """Compare the scatter of a window's measurements about the corrected model with what is assumed."""
+    def _note_scatter(self, lasted: float, before: Belief) -> None:
+        """Compare a window's scatter about the model, corrected and before, with what is assumed."""
         if self._rows and not self._at_tower:
             sensors, assumed = [row.sensor for row in self._rows], np.array([row.variance for row in self._rows])
-            self._scatter.note(lasted, sensors, self._linear(self._rows)[0], assumed)
+            after, jacobian, _ = self._linear(self._rows)
+            apart = after + jacobian @ (self._belief.mean - before.mean)
+            self._scatter.note(lasted, sensors, after, assumed, apart)
 
     def _read_as(self, row: windows.Row, sensor: str) -> windows.Row:
         """Row of a measurement with the prediction and variance of another sensor, to test for swapped sensors."""
