@@ -58,7 +58,8 @@ from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import EquilibriumError
 
-CALMED = 300.0  # s, in which what a tower has stirred calms down
+CALMED = 300.0  # s, in which what a tower or a stop has stirred calms down
+OF_TOWER = 0.1  # share of those that plant and twin do not have alike where a tower is passed
 WINDOW, WINDOW_OF_ROPES = 2.0, 3.0  # s, between two corrections, with one rope and with several
 FIRST_WINDOW = 1.0  # s, the first one of a twin that stands, so that it is as its plant before that moves
 LONGEST_WINDOW = 6.0  # s, to which it may grow while members pass from one element to the next
@@ -215,7 +216,7 @@ class Follower:
         self._rows = [row for row in self._rows if self._standing.tells(row.sensor, row.numbers[0])]
 
     def doubt_swing(self, until: float = 0.0, waves: float = 1.0) -> None:
-        """Expect any swing, and waves by the share of those behind a tower; as at one until a time (s)."""
+        """Expect any swing, and waves by the share of those of a stop; as at a tower until a time (s)."""
         self._shaken, self._stands = until, False
         swinging = any_swing(self._belief, len(self.slow), len(self._fast))
         self._belief, self._stirred = self._belief._replace(covariance=swinging), max(waves, self._stirred)
@@ -260,7 +261,7 @@ class Follower:
                 self._rows.append(windows.Row(sensor, value, reading.of(numbers), variance, numbers))
         if (windows.passes_a_tower(numbers[0, self._tracks], self._towers) or time < self._shaken) != self._at_tower:
             self._at_tower = not self._at_tower
-            self._stirred = max(self._stirred, 1.0)
+            self._stirred = max(self._stirred, OF_TOWER)
             self._rows, self._since, self._from = [], time, time
             if not self._at_tower:
                 for member in (*range(1, self._first), *self._displaced.members):
@@ -357,7 +358,7 @@ class Follower:
         if not self._boarding.changing:  # any more
             self._scatter.expect()
             self.doubts.expect_waves(time + WAVING)
-            self._stirred = max(self._stirred, self._boarding.stirred(self._points[0]))
+            self._stirred = max(self._stirred, OF_TOWER * self._boarding.stirred(self._points[0]))
             self._rows = [row._replace(variance=self._variance(self.readings[row.sensor])) for row in self._rows]
         self._belief.mean[rows] = self._points[0, rows]  # of the belief from before
         self._belief = self._boarding.doubted(rows, self._belief)
@@ -418,7 +419,7 @@ class Follower:
         """Begin the next window: predict the belief over the last one (s), and blend members to it if all are alike."""
         count, swinging = len(self.slow), len(self._fast)
         kept = np.exp(-lasted / FORGOTTEN)
-        self._stirred = max(float(self._at_tower), self._stirred * float(np.exp(-lasted / CALMED)))
+        self._stirred = max(OF_TOWER * self._at_tower, self._stirred * float(np.exp(-lasted / CALMED)))
         decay = np.concatenate([np.ones(count + swinging), np.full(self._errors.size, kept)])
         walks = np.array([self._walk(one, numbers[0]) for one in self.slow])
         gained = growth(self._fast, lasted, self._stirred, self._at_tower)

@@ -23,22 +23,22 @@ TOWER_ERROR = 4e-4  # as LOAD_ERROR
 
 
 class Errors(NamedTuple):
-    """Standard deviations of the discretisation error in a sensor: differences between a mesh and a much finer one.
+    """Standard deviations of the error of the model in a sensor: between two meshes, and by waves of the plant alone.
 
-    Two meshes of one plant differ little until a vehicle has passed a tower, from where waves go along the rope. Larger
-    waves of a plant show in its sensors, see `Scatter`.
+    Two meshes differ little. Waves that a plant has and its twin does not, as where it stopped a little earlier, are
+    larger, and go along the rope for minutes.
     """
 
     quiet: float
-    stirred: float  # behind a tower
-    at_tower: float = 0.0  # while it is passed, where not as behind it
+    stirred: float  # by such waves; a passed tower excites a share of them
+    at_tower: float = 0.0  # the same while it is passed, where that is another one
 
     def scaled(self, scale: float) -> Errors:
         """Standard deviations of the discretisation error times a factor."""
         return Errors(*(scale * one for one in self))
 
     def variance(self, stirred: float, at_tower: bool) -> float:
-        """Variance of the discretisation error at a remaining share of the waves that a passed tower has excited."""
+        """Variance of the discretisation error at a remaining share of the waves that the plant alone has."""
         extra = self.at_tower if at_tower and self.at_tower else self.stirred
         return self.quiet**2 + (stirred * extra) ** 2
 
@@ -46,21 +46,21 @@ class Errors(NamedTuple):
 WHEEL_FORCE_ERROR = 1.0  # as FORCE_ERROR, of a bullwheel: waves of the haul rope differ between meshes
 
 # of sensors, as that of independent samples: three times the error, as it lasts as long as a swing
-FAST_PLACE, FAST_FORCE, FAST_LOAD = Errors(0.05, 0.05), Errors(0.3, 1.0), Errors(1e-4, 1e-4)  # units as above
+FAST_PLACE, FAST_FORCE, FAST_LOAD = Errors(0.05, 0.05), Errors(0.3, 12.0), Errors(1e-4, 1.2e-3)  # units as above
 FAST_WHEEL_FORCE = Errors(2.0, 6.0)
-FAST_TOWER, FAST_ANGLE = Errors(2e-4, 6e-4), Errors(4e-4, 1e-3)
+FAST_TOWER, FAST_ANGLE = Errors(2e-4, 3.5e-3), Errors(4e-4, 3e-3)
 # of what is hidden, at one moment: shares of forces, and pitch of bodies in rad
 HIDDEN_FORCE_ERRORS = {
-    "lowest": Errors(2e-5, 5e-5),
-    "highest": Errors(2e-5, 5e-5),
-    "counterweight": Errors(2e-5, 5e-5),
-    "end": Errors(2e-5, 5e-5),
-    "tower": Errors(5e-5, 2e-4, 5e-4),
+    "lowest": Errors(2e-5, 4e-4),
+    "highest": Errors(2e-5, 4e-4),
+    "counterweight": Errors(2e-5, 4e-4),
+    "end": Errors(2e-5, 4e-4),
+    "tower": Errors(5e-5, 1.2e-3, 1.5e-2),
 }
-HIDDEN_PITCH_ERRORS = Errors(3e-4, 8e-4, 2e-3)
+HIDDEN_PITCH_ERRORS = Errors(3e-4, 1.6e-3, 5e-3)
 # with several ropes: haul ropes swing along
-STRAND_ERRORS = Errors(1.5e-3, 3e-3, 6e-3)
-ROLLER_ERRORS = Errors(3e-3, 1e-2, 3e-2)
+STRAND_ERRORS = Errors(1.5e-3, 1.5e-2, 3e-2)
+ROLLER_ERRORS = Errors(3e-3, 5e-2, 0.1)
 OF_ROPES = 6.0  # times as much as with one rope
 PITCH_OF_ROPES = Errors(2e-3, 6e-3, 2e-2)
 FAST_ANGLE_OF_ROPES = FAST_ANGLE.scaled(4.0)  # rad, of an inclinometer

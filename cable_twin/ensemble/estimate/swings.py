@@ -16,8 +16,8 @@ SIZE = 0.01  # rad and rad/s, by which a member differs from the middle one
 PRIOR = 2e-3  # rad and rad/s, standard deviation at the start, where a plant stands
 ANY_SWING = 0.02  # the same under way
 GROWTH = 2e-4  # rad/s after a second, standard deviation: by the error of the model
-STIRRED = 1.6e-3  # the same behind a tower
-AT_TOWER = 7e-3  # the same while a vehicle passes a tower, where meshes differ most
+STIRRED = 2.6e-3  # the same by waves of a stop
+AT_TOWER = 1.5e-2  # the same while a vehicle passes a tower, where meshes differ most
 FIRST = 1.5  # times as much for the first body of a vehicle, which rides the rope
 ROLL, PITCH = ANGLES["roll"], ANGLES["pitch"]
 

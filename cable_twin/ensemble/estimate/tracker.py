@@ -32,7 +32,7 @@ STOPPING = 2.0  # s, by which an emergency stop lasts longer than by its mean de
 BROUGHT = 8.0  # s, in which a twin is brought to the place of its plant behind such a stop, or for which it goes on
 CALMED = 60.0  # s, for which a plant that has moved swings
 BEHIND, TOO_FAR = 5.0, 20.0  # s, by which it is behind its plant: told, and begun anew where the plant is now
-UNHEARD = 3.0  # times the waves of a passed tower that a plant has after a silence in which it moved, beside its twin
+UNHEARD = 3.0  # times the waves of a stop that a plant has after a silence in which it moved, beside its twin
 SOURCE = "plant"
 WAITING, FOLLOWING, ALONE = "waits for a plant", "follows", "goes on by its model"
 
