@@ -59,7 +59,7 @@ from cable_twin.scenario import Scenario
 from cable_twin.simulation import EquilibriumError
 
 CALMED = 300.0  # s, in which what a tower or a stop has stirred calms down
-OF_TOWER = 0.1  # share of those that plant and twin do not have alike where a tower is passed
+OF_TOWER = 0.1  # share of those by a tower that is passed, or a wind that was far off
 WINDOW, WINDOW_OF_ROPES = 2.0, 3.0  # s, between two corrections, with one rope and with several
 FIRST_WINDOW = 1.0  # s, the first one of a twin that stands, so that it is as its plant before that moves
 LONGEST_WINDOW = 6.0  # s, to which it may grow while members pass from one element to the next
@@ -308,7 +308,7 @@ class Follower:
             if far:
                 swinging = any_swing(before, len(self.slow), len(self._fast))
                 self._belief = self._belief._replace(covariance=swinging)
-                self._stirred = self._stirred if self._stands else 1.0
+                self._stirred = self._stirred if self._stands else max(self._stirred, OF_TOWER)
             else:
                 self._belief = doubt_steps(self.slow, self._points[0], self._belief)
         sure = not (self._astray or self._held or boarding)  # else the plant may explain as much as a wrong cell

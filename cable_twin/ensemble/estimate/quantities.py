@@ -48,7 +48,7 @@ WHEEL_FORCE_ERROR = 1.0  # as FORCE_ERROR, of a bullwheel: waves of the haul rop
 # of sensors, as that of independent samples: three times the error, as it lasts as long as a swing
 FAST_PLACE, FAST_FORCE, FAST_LOAD = Errors(0.05, 0.05), Errors(0.3, 12.0), Errors(1e-4, 1.2e-3)  # units as above
 FAST_WHEEL_FORCE = Errors(2.0, 6.0)
-FAST_TOWER, FAST_ANGLE = Errors(2e-4, 3.5e-3), Errors(4e-4, 3e-3)
+FAST_TOWER, FAST_ANGLE = Errors(2e-4, 1e-2), Errors(4e-4, 3e-3)
 # of what is hidden, at one moment: shares of forces, and pitch of bodies in rad
 HIDDEN_FORCE_ERRORS = {
     "lowest": Errors(2e-5, 4e-4),
