@@ -144,8 +144,7 @@ def test_a_chair_passes_a_tower_smoothly():
     assert 0.8 * weight < min(loads) < max(loads) < 1.2 * weight
 
 
-ACROSS = {  # what the tramway in space has that the one in its plane has not, and a mesh for waves across
-    "cable.elements.target",
+ACROSS = {  # what the tramway in space has that the one in its plane has not
     *("name", "description", "space"),
     *("cable.start.position", "cable.start.direction", "cable.end.position"),
     *("towers.tower.position", "towers.tower.groove", "air.wind"),

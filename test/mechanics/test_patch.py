@@ -344,33 +344,35 @@ def straight(dim, way):
     state.nodes.position[:, 0] = np.outer(state.mesh.arc_length, along)
     state.nodes.position[:, 1:], state.nodes.velocity[:] = along, 0.0
     state.nodes.velocity[2, 0] = state.bodies.velocity[0, :dim] = 0.7 * way * along
+    state.axis[0], state.drives.mode[0] = JOINT, FORCE  # free
     return system, state
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_hand_over_gains_no_energy(dim):
-    """Two elements of any motion become one: what that has more is taken out, and what it has less stays lost."""
+    """Two elements of any motion become one: what that has more the load pays, and what it has less stays lost."""
     changes = []
     for seed in range(12):
         way = 1 if seed % 2 else -1
         system, state = straight(dim, way)
-        state.nodes.velocity[:] = 1e-3 * np.random.default_rng(seed).normal(size=state.nodes.velocity.shape)
-        state.nodes.velocity[:, 2] = state.nodes.velocity[:, 1]
+        moved = 1e-2 * np.random.default_rng(seed).normal(size=state.nodes.velocity.shape)
+        moved[:, 2] = moved[:, 1]
+        state.nodes.velocity[:] += moved
+        state.bodies.velocity[0, :dim] = state.nodes.velocity[2, 0]
         before = np.array(energies(system, state))
         update_load_nodes(system, state)
         assert state.joint_node[0] == 2 + way
-        changes.append((energies(system, state) - before).sum() / before[0])
+        changes.append((energies(system, state) - before).sum())
     assert max(changes) < 1e-9
     assert sum(change > -1e-9 for change in changes) > 2  # which gained without that
-    assert min(changes) < -1e-3
+    assert min(changes) < -1e-6
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("way", [1, -1])
-def test_a_free_load_pays_with_its_speed_what_a_still_rope_cannot(dim, way):
+def test_a_free_load_pays_with_its_speed(dim, way):
     system, state = straight(dim, way)
     state.nodes.position[2 + 2 * way, 1:] *= 1.003  # a short axial wave, where the merged element ends
-    state.axis[0], state.drives.mode[0] = JOINT, FORCE
     before = np.array(energies(system, state))
     update_load_nodes(system, state)
     change = energies(system, state) - before

@@ -121,7 +121,7 @@ def test_topics_arrive_at_the_frame_rate_with_stamps_of_simulated_time(twin):
     assert level in (0, 1), message  # a warning where this machine was late
 
 
-ASKED_FOR = ("estimate", "outlook")  # by options
+ASKED_FOR = ("estimate", "outlook", "readmitted")  # by options
 OF_OTHERS = (
     "air/",
     "carriers/",

@@ -94,8 +94,7 @@ class Follower:
     def __init__(self, scenario: Scenario, threads: int | None = None) -> None:
         self.slow = slow_quantities(scenario)
         apart = Layout.of(scenario, ENDS_OF_CABLE)
-        self._scenario = scenario
-        self.window = WINDOW if len(scenario.cables) == 1 else WINDOW_OF_ROPES
+        self._scenario, self.window = scenario, WINDOW if len(scenario.cables) == 1 else WINDOW_OF_ROPES
         self._fast = swings(apart)
         self._first = 2 * len(self.slow) + 1  # member with the first swing
         self._displaced = Displaced(scenario, self._first + len(self._fast), apart)
@@ -188,8 +187,7 @@ class Follower:
         self._biases.forget(fast)
         self._rows, self._before, self._zero = [], None, time
         self._since, self._from, self._at_tower = time, time, False
-        self._stands, self._begun = not under_way, time
-        self._stirred = 1.0 if under_way else 0.0
+        self._stands, self._begun, self._stirred = not under_way, time, float(under_way)
         if under_way:  # its haul rope swings, and that of the twin does not
             self.doubts.expect_waves(time + WAVING)
         self.needs_rest = self.needs_rest and under_way
@@ -217,9 +215,8 @@ class Follower:
 
     def doubt_swing(self, until: float = 0.0, waves: float = 1.0) -> None:
         """Expect any swing, and waves by the share of those of a stop; as at a tower until a time (s)."""
-        self._shaken, self._stands = until, False
-        swinging = any_swing(self._belief, len(self.slow), len(self._fast))
-        self._belief, self._stirred = self._belief._replace(covariance=swinging), max(waves, self._stirred)
+        self._shaken, self._stands, self._stirred = until, False, max(waves, self._stirred)
+        self._belief = self._belief._replace(covariance=any_swing(self._belief, len(self.slow), len(self._fast)))
         self.doubts.expect_waves(max(until, self.time) + WAVING)
 
     def close(self) -> None:

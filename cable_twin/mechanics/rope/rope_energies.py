@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import add_scaled, dot, scale
+from cable_twin.mechanics.language.vectors import dot
 from cable_twin.mechanics.rope.ale import nodal_vectors, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import elastic_energy
 from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
@@ -41,13 +41,3 @@ def rope_energies(cable, state, first, last):
             row = mass_of(cable, state, length, i, 0) + mass_of(cable, state, length, i, 2)
             gravitational -= row * dot(cable.gravity, coordinate(state.nodes.position, element, i, cable.gravity))
     return kinetic, elastic, gravitational
-
-
-@inlined_kernel
-def momentum_of_slope(cable, state, element, i):
-    """Momentum (dim,) in kg m² /s of the nodal vector `i` of an element, and its entry of the mass matrix (kg m²)."""
-    length, rates = state.mesh.length[element], velocity_of_rope(cable, state, element)
-    momentum = scale(0.0, rates[0])
-    for j in range(4):
-        momentum = add_scaled(mass_of(cable, state, length, i, j), rates[j], momentum)
-    return momentum, mass_of(cable, state, length, i, i)
